@@ -17,7 +17,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jax.typing import ArrayLike
 
 from ._compilation import Options
-from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
+from ._rule import AtPlaces, Computed, Entries, NoRuleError, Parameters, Shapes, clamped
 from ._rules import RULES
 
 
@@ -26,7 +26,7 @@ class Interpreted:
 
     Loops that stand in no other become programs by `options` of `jax.jit` where those are given; `has_programs` tells
     whether one has. They are added to `loops`; with these options they compile so many `times` as long as in little
-    time.
+    time. What depends on the first `held` arguments alone can be computed once for many others (`holding`).
     """
 
     def __init__(
@@ -35,12 +35,13 @@ class Interpreted:
         options: Callable[[], Options] | None = None,
         loops: "list[_Loop] | None" = None,
         times: float = 1.0,
+        held: int = 0,
     ):
         if any(isinstance(x, jax.core.Tracer) for x in closed.consts):
             raise NoRuleError
         self._options, self._times, self._loops = options, times, list[_Loop]() if loops is None else loops
         self._values: list[Entries] = []  # those that are known at once, None of others
-        self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
+        self._steps: list[_Step] = []
         self._same: dict[Hashable, list[int]] = {}  # places of what equations give, of which many say the same
         self._large: set[int] = set()  # places of arrays that are let go as soon as no step takes them
         given = [self._place() for _ in closed.jaxpr.invars]
@@ -51,7 +52,13 @@ class Interpreted:
             if needed.intersection(made):
                 steps.append((function, taken, made, tuple(k for k in {*taken} - needed if k in self._large)))
                 needed.update(taken)
-        self._steps, self._same = steps[::-1], {}
+        known, first, self._steps, self._same = {*range(held)}, list[_Step](), list[_Step](), {}
+        known.update(k for k, value in enumerate(self._values) if value is not None)
+        for step in reversed(steps):
+            is_first = known.issuperset(step[1])
+            (first if is_first else self._steps).append((*step[:3], ()) if is_first else step)
+            known.update(step[2] if is_first else ())
+        self._first = first
 
     @property
     def has_programs(self) -> bool:
@@ -62,18 +69,21 @@ class Interpreted:
 
     def run(self, given: Sequence[Entries]) -> list[Entries]:
         """Arrays that may be those that are given, or parts of them."""
-        values = self._values.copy()
-        values[: self._given] = given
-        for function, taken, made, last in self._steps:
-            out = function(*[values[k] for k in taken])
-            if len(made) == 1:
-                values[made[0]] = out
-            else:
-                for k, x in zip(made, out, strict=True):
-                    values[k] = x
-            for k in last:
-                values[k] = None
-        return [values[k] for k in self._results]
+        return self.holding(())(*given)
+
+    def holding(self, held: Sequence[Entries]) -> Callable[..., list[Entries]]:
+        """The function of the arguments after the first, which are held."""
+        begun, count = self._values.copy(), len(held)
+        begun[:count] = held
+        _take(self._first, begun)
+
+        def of_others(*given: Entries) -> list[Entries]:
+            values = begun.copy()
+            values[count : self._given] = given
+            _take(self._steps, values)
+            return [values[k] for k in self._results]
+
+        return of_others
 
     def _place(self, value: Entries | None = None) -> int:
         if isinstance(value, np.ndarray):
@@ -109,29 +119,37 @@ class Interpreted:
         if name == "cond":
             known = self._values[taken[0]]
             if known is not None:
-                return self._called(parameters["branches"][_place_of(known, len(parameters["branches"]))], taken[1:])
+                return self._called(parameters["branches"][clamped(known, len(parameters["branches"]) - 1)], taken[1:])
             return self._made(self._cond(parameters["branches"]), taken, count)
         if name in _LOOPS:
             loop = _Loop(equation, self._options, self._times)
             self._loops.append(loop)
             return self._made(loop, taken, count)
+        if name in _CHANGES_NOTHING:
+            return taken
         if name not in RULES:
             raise NoRuleError(name)
         of, to = (cast(Shapes, [x.aval for x in group]) for group in (equation.invars, equation.outvars))
         if any(getattr(x, "dtype", None) not in _TYPES for x in (*of, *to)):
             raise NoRuleError
-        if name in _CHANGES_NOTHING or (name in _RESHAPES and of[0].shape == to[0].shape):
+        if name in _RESHAPES and of[0].shape == to[0].shape:
             return taken
         key = name, *taken, *parameters.items(), *((x.dtype, x.shape) for x in to)
-        made = self._once(key, lambda: self._made(RULES[name](parameters, of, to), taken, count))
+        made = self._once(key, lambda: self._ruled(RULES[name](parameters, of, to), taken, count))
         self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
         return made
+
+    def _ruled(self, rule: Computed | AtPlaces, taken: list[int], count: int) -> list[int]:
+        if not isinstance(rule, AtPlaces):
+            return self._made(rule, taken, count)
+        array, places, *new = taken
+        return self._made(rule.function, [array, *self._made(rule.places, [places], 1), *new], count)
 
     def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
         opened = [_Inner(branch, self._options, self._loops, self._times) for branch in branches]
 
         def cond(which: Entries, *given: Entries) -> Entries:
-            out = opened[_place_of(which, len(opened))](*given)
+            out = opened[clamped(which, len(opened) - 1)](*given)
             return out[0] if len(out) == 1 else out
 
         return cond
@@ -158,6 +176,23 @@ class Interpreted:
         return [self._place(x) for x in ([found] if count == 1 else found)]
 
 
+# A function, the places of what it takes and makes, and of what is let go after it.
+_Step = tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]
+
+
+def _take(steps: Sequence[_Step], values: list[Entries]) -> None:
+    """Each step in turn, which puts what it makes among the values."""
+    for function, taken, made, last in steps:
+        out = function(*[values[k] for k in taken])
+        if len(made) == 1:
+            values[made[0]] = out
+        else:
+            for k, x in zip(made, out, strict=True):
+                values[k] = x
+        for k in last:
+            values[k] = None
+
+
 _LARGE = 10_000  # entries, some 80 kB: what is smaller is not worth the time of letting go
 _TYPES = {*map(np.dtype, ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"))}
 _TYPES |= {*map(np.dtype, ("float32", "float64"))}
@@ -179,17 +214,16 @@ _COMPILING = 4e-4  # seconds of CPU that an equation takes
 class _Inner:
     """Equations inside of others, opened when they are first asked for."""
 
-    def __init__(self, closed: ClosedJaxpr, *given: Any):
-        self._closed, self._given, self._opened = closed, given, None
+    def __init__(self, closed: ClosedJaxpr, *given: Any, held: int = 0):
+        self._open, self._opened = functools.partial(Interpreted, closed, *given, held=held), None
 
     def __call__(self, *given: Entries) -> list[Entries]:
+        return self.holding(())(*given)
+
+    def holding(self, held: Sequence[Entries]) -> Callable[..., list[Entries]]:
         if self._opened is None:
-            self._opened = Interpreted(self._closed, *self._given)
-        return self._opened.run(given)
-
-
-def _place_of(which: Entries, count: int) -> int:
-    return min(max(int(which), 0), count - 1)
+            self._opened = self._open()
+        return self._opened.holding(held)
 
 
 class _Loop:
@@ -234,15 +268,17 @@ Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
 def _while(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
-    going, body = _Inner(parameters["cond_jaxpr"]), _Inner(parameters["body_jaxpr"])
-    first, last = parameters["cond_nconsts"], parameters["cond_nconsts"] + parameters["body_nconsts"]
+    first, more = parameters["cond_nconsts"], parameters["body_nconsts"]
+    going, body = _Inner(parameters["cond_jaxpr"], held=first), _Inner(parameters["body_jaxpr"], held=more)
 
     def turns(given: Sequence[Entries]) -> Turns:
-        of_going, of_body, now = given[:first], given[first:last], given[last:]
-        while np.any(flag := going(*of_going, *now)[0]):
-            new = body(*of_body, *now)
+        held, now = given[: first + more], given[first + more :]
+        goes_on, turned = going.holding(held[:first]), None
+        while np.any(flag := goes_on(*now)[0]):
+            turned = turned or body.holding(held[first:])
+            new = turned(*now)
             now = new if np.ndim(flag) == 0 else [_chosen(flag, *both) for both in zip(new, now, strict=True)]
-            yield (*given[:last], *now), None, 0.5
+            yield (*held, *now), None, 0.5
         yield given, now, 1.0
 
     return turns
@@ -254,16 +290,16 @@ def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
 
 
 def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
-    body, length, number = _Inner(parameters["jaxpr"]), parameters["length"], parameters["num_carry"]
-    first, last = parameters["num_consts"], parameters["num_consts"] + number
+    first, length, number = (parameters[name] for name in ("num_consts", "length", "num_carry"))
+    body, last = _Inner(parameters["jaxpr"], held=first), first + number
     if not length:
         raise NoRuleError
 
     def turns(given: Sequence[Entries]) -> Turns:
-        consts, now, over = given[:first], given[first:last], given[last:]
+        turned, now, over = body.holding(given[:first]), given[first:last], given[last:]
         noted: list[Sequence[Entries]] = []
         for k in reversed(range(length)) if parameters["reverse"] else range(length):
-            out = body(*consts, *now, *[x[k] for x in over])
+            out = turned(*now, *[x[k] for x in over])
             now = out[:number]
             noted.append(out[number:])
             yield given, None, len(noted) / length

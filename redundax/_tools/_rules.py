@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
+from ._rule import AtPlaces, Computed, Entries, NoRuleError, Parameters, Shapes, clamped
 from ._rules_of_factors import cholesky, eigh, lu_factors, lu_permutation, or_nan, qr, svd, triangular_solve
 
 
@@ -102,16 +102,19 @@ def _slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 
 
 def _dynamic_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    sizes, most = (
-        parameters["slice_sizes"],
-        [a - b for a, b in zip(of[0].shape, parameters["slice_sizes"], strict=True)],
-    )
+    within = _window(of[0].shape, parameters["slice_sizes"])
+    return lambda x, *first: x[within(first)]
 
-    def part(x: Entries, *first: Any) -> Entries:
-        begins = [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
-        return x[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))]
 
-    return part
+def _window(shape: Sequence[int], sizes: Sequence[int]) -> Callable[[Sequence[Entries]], tuple[slice, ...]]:
+    """Slices of given sizes of an array, from where they are asked for or, where they would reach out, before."""
+    each = [(size, whole - size) for whole, size in zip(shape, sizes, strict=True)]
+
+    def slices(first: Sequence[Entries]) -> tuple[slice, ...]:
+        begins = [clamped(k, last) for k, (_, last) in zip(first, each, strict=True)]
+        return tuple(slice(k, k + size) for k, (size, _) in zip(begins, each, strict=True))
+
+    return slices
 
 
 def _concatenate(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -259,20 +262,10 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
             out = out + strides[k] * _counted((*out.shape[:axis], sizes[k], *out.shape[axis + 1 :]), axis)
         return out, None if lost is None else np.broadcast_to(np.expand_dims(lost, tuple(within)), out.shape)
 
-    last: list[tuple[Entries, Entries]] = [(None, None)]
-
-    def same(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        if places.flags.writeable:
-            return entries(places)
-        known, found = last[0]
-        if places is not known:  # most are constants
-            last[0] = places, found = places, entries(places)
-        return found
-
-    return same
+    return entries
 
 
-def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     batches = numbers.operand_batching_dims, numbers.start_indices_batching_dims
     axes = numbers.start_index_map, numbers.collapsed_slice_dims, *batches
@@ -283,18 +276,18 @@ def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         is_whole, unsigned = np.issubdtype(dtype, np.integer), np.issubdtype(dtype, np.unsignedinteger)
         fill = (np.iinfo(dtype).max if unsigned else np.iinfo(dtype).min) if is_whole else np.nan
 
-    def gather(x: Entries, places: Entries) -> np.ndarray:
-        found, lost = entries(places)
+    def gather(x: Entries, places: tuple[np.ndarray, np.ndarray | None]) -> np.ndarray:
+        found, lost = places
         out = x.take(found)
         return out if lost is None else np.where(lost, np.asarray(fill, out.dtype), out)
 
-    return gather
+    return AtPlaces(entries, gather)
 
 
-def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]:
+def _scatter(setting: Computed, equations: list[str]) -> Callable[..., AtPlaces]:
     """Entries set, or combined by one equation."""
 
-    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
         combined = parameters["update_jaxpr"]
         if combined is not None and [each.primitive.name for each in combined.eqns] != equations:
             raise NoRuleError
@@ -308,13 +301,13 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]
         axes = numbers.scatter_dims_to_operand_dims, without, *batches
         entries = _entries(axes, operand, sizes, within, parameters["mode"])
 
-        def scatter(x: Entries, places: Entries, new: Entries) -> np.ndarray:
+        def scatter(x: Entries, places: tuple[np.ndarray, np.ndarray | None], new: Entries) -> np.ndarray:
             out = np.array(x, order="C")  # so that its entries in one row are no copy
-            found, lost = entries(places)
+            found, lost = places
             setting(out.reshape(-1), *((found, new) if lost is None else (found[~lost], new[~lost])))
             return out
 
-        return scatter
+        return AtPlaces(entries, scatter)
 
     return rule
 
@@ -354,11 +347,11 @@ def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 
 
 def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    sizes, most = of[1].shape, [a - b for a, b in zip(of[0].shape, of[1].shape, strict=True)]
+    within = _window(of[0].shape, of[1].shape)
 
-    def update(x: Entries, new: Entries, *first: Any) -> np.ndarray:
-        out, begins = np.array(x), [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
-        out[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))] = new
+    def update(x: Entries, new: Entries, *first: Entries) -> np.ndarray:
+        out = np.array(x)
+        out[within(first)] = new
         return out
 
     return update
@@ -384,7 +377,7 @@ def _of_platform(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return lambda: np.int32(place)
 
 
-RULES: dict[str, Callable[..., Computed]] = {
+RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     **{
         name: _as_it_is(function)
         for name, function in {
@@ -422,7 +415,6 @@ RULES: dict[str, Callable[..., Computed]] = {
             "mul": np.multiply,
             "ne": np.not_equal,
             "neg": np.negative,
-            "nonbatchable": lambda x: x,
             "not": np.invert,
             "or": np.bitwise_or,
             "sign": np.sign,
@@ -430,7 +422,6 @@ RULES: dict[str, Callable[..., Computed]] = {
             "sinh": np.sinh,
             "sqrt": np.sqrt,
             "square": np.square,
-            "stop_gradient": lambda x: x,
             "sub": np.subtract,
             "tan": np.tan,
             "tanh": np.tanh,

@@ -353,6 +353,34 @@ def test_arrays_that_their_owner_changes_are_read_anew():
     np.testing.assert_array_equal(run([x, places])[0], [4] * 5)
 
 
+@pytest.mark.parametrize("kind", ["while", "scan"])
+def test_what_stays_the_same_in_a_loop_is_computed_once_a_call(kind, monkeypatch):
+    sines = []
+
+    def noted(x):
+        sines.append(x)
+        return np.sin(x)
+
+    def steps(x, k, turns):
+        def turn(now):
+            return now * jnp.sin(x)[k] + 1
+
+        if kind == "scan":
+            return jax.lax.scan(lambda now, _: (turn(now), now), 0.0, length=5)[0]
+        return jax.lax.while_loop(lambda now: now[0] < turns, lambda now: (now[0] + 1, turn(now[1])), (0, 0.0))[1]
+
+    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: noted)
+    x, k = np.array([0.4, 1.1, -0.7]), np.array(1)
+    run = Interpreted(jax.make_jaxpr(steps)(x, k, 5))
+    for change in (0.0, 0.3, -0.2):  # in place: the arrays are the same ones
+        x += change
+        k[...] = (k + 1) % 3
+        np.testing.assert_allclose(run([x, k, np.array(5)])[0], np.sum(np.sin(x[k]) ** np.arange(5)), rtol=1e-14)
+    assert len(sines) == 3
+    if kind == "while":
+        assert run([x, k, np.array(0)])[0] == 0 and len(sines) == 3  # no turn, nothing computed
+
+
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds that a test says have passed."""
