@@ -78,10 +78,6 @@ def turning(
     names, rates = tree.drives(positions)
     if len(names) != 1 or freedom != 1:
         return ()
-    of_joint = {tree.joints[int(tree.joint_of_dof[dof])].name: dof for dof in np.flatnonzero((rates != 0).any(axis=0))}
-    return tuple(
-        (drive, joint, at)
-        for joint, at in turns
-        for drive, own in zip(names, rates != 0, strict=True)
-        if joint in of_joint and own[of_joint[joint]] and own.sum() == 1
-    )
+    (dofs,) = np.nonzero(rates[0])
+    driven = {tree.joints[int(tree.joint_of_dof[dof])].name for dof in dofs} if len(dofs) == 1 else set()
+    return tuple((names[0], joint, at) for joint, at in turns if joint in driven)

@@ -83,15 +83,14 @@ def lu_factors(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     def lu(a: Entries) -> Entries:
         a = np.array(a).reshape(-1, *a.shape[-2:])
         every, pivots = np.arange(len(a)), np.empty((len(a), count), np.int32)
-        order = np.tile(np.arange(a.shape[1], dtype=np.int32), (len(a), 1))
         for k in range(count):
             pivots[:, k] = pivot = k + np.argmax(np.abs(a[:, k:, k]), axis=1)
-            for rows in (a, order):
-                rows[every, k], rows[every, pivot] = rows[every, pivot], rows[every, k].copy()
+            a[every, k], a[every, pivot] = a[every, pivot], a[every, k].copy()
             own = a[:, k, k, None]
             a[:, k + 1 :, k] /= np.where(own == 0, 1, own)
             a[:, k + 1 :, k + 1 :] -= a[:, k + 1 :, k, None] * a[:, None, k, k + 1 :]
-        return tuple(x.reshape(shape) for x, shape in zip((a, pivots, order), shapes, strict=True))
+        found = a, pivots, _order(pivots, a.shape[1])
+        return tuple(x.reshape(shape) for x, shape in zip(found, shapes, strict=True))
 
     return lu
 
@@ -99,15 +98,14 @@ def lu_factors(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def lu_permutation(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """The order of rows that pivots make."""
     size, shape = parameters["permutation_size"], to[0].shape
+    return lambda pivots: _order(pivots.reshape(-1, pivots.shape[-1]), size).reshape(shape)
 
-    def order_of(pivots: Entries) -> np.ndarray:
-        pivots = pivots.reshape(-1, pivots.shape[-1])
-        every, order = np.arange(len(pivots)), np.tile(np.arange(size, dtype=np.int32), (len(pivots), 1))
-        for k, pivot in enumerate(pivots.T):
-            order[every, k], order[every, pivot] = order[every, pivot], order[every, k].copy()
-        return order.reshape(shape)
 
-    return order_of
+def _order(pivots: np.ndarray, size: int) -> np.ndarray:
+    every, order = np.arange(len(pivots)), np.tile(np.arange(size, dtype=np.int32), (len(pivots), 1))
+    for k, pivot in enumerate(pivots.T):
+        order[every, k], order[every, pivot] = order[every, pivot], order[every, k].copy()
+    return order
 
 
 def triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
