@@ -21,6 +21,7 @@ class AbstractBody(AbstractModule):
 
     name: eqx.AbstractVar[str]
     mass: eqx.AbstractVar[Float[Array, ""]]
+    inertia: eqx.AbstractVar[Float[Array, "*axes"]]
 
     def __check_init__(self) -> None:
         check_kind("name", self.name, str, "a word", "Give text in quotes.")

@@ -26,6 +26,7 @@ from .._tools._module import (
     Numbers,
     as_functions,
     check_call,
+    check_kind,
     floats,
     is_concrete,
     numpy_of,
@@ -56,7 +57,7 @@ from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
 from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
-from ._names import check_frames, check_kinds, check_names
+from ._names import check_ends, check_frames, check_kinds, check_names
 from ._pattern import LARGE, DenseEntries, Pattern, SparseEntries
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows, tied_rows, velocity_rows
@@ -435,6 +436,26 @@ class Mechanism(AbstractSystem):
             return self.poses(self.retract(state.q, s * state.qd))
 
         return load - armature_load(self.armature, self.joints, along, state.qd)
+
+    def load_of(self, load: AbstractLoad, state: State) -> Float[Array, " n"]:
+        """Generalised force, N or N m, of one load at a state; it need not be among those of the mechanism.
+
+        ??? example
+
+            ```python
+            mechanism.load_of(rx.AppliedForce("1", force=(0.0, -1.0), point=(0.1, 0.0)), state)
+            ```
+        """
+        check_kind("load", load, AbstractLoad, "a load", "Give an `AppliedForce`, say.")
+        check_ends(self.names.bodies, load=[load])
+        if type(load.frame) is not type(self.frame):
+            raise RedundaxError(
+                f"Argument `load` must be {self.frame.word}, as the mechanism, but is {load.frame.word}. Take it from "
+                f"`{'rx.spatial' if self.frame.word == 'spatial' else 'rx'}`."
+            )
+        own = stacks([load], self.names.bodies)[0]
+        bare = replace_fields(self.body, mass=0.0 * self.body.mass, inertia=0.0 * self.body.inertia)
+        return replace_fields(self, loads=own, body=bare, armature=()).load(state)
 
     @asked_of_model
     def retract(self, q: Array, d: Array) -> Array:

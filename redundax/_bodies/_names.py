@@ -72,9 +72,20 @@ def check_names(
             raise RedundaxError(f"Argument `{what}` must hold at least one element, but is empty. Add one.")
     if GROUND in bodies:
         raise RedundaxError(f"Argument `bodies` must not hold a body named '{GROUND}': that is the fixed base.")
+    check_ends(bodies, joints=joints, loads=loads)
+    used = {body for joint in joints for body in (joint.i, joint.j)}
+    loose = [body for body in bodies if body not in used]
+    if loose:
+        raise RedundaxError(
+            f"Argument `bodies`: {loose} have no joint. Connect them, or leave them out of the mechanism."
+        )
+
+
+def check_ends(bodies: Sequence[str], **elements: Sequence[AbstractJoint | AbstractLoad]) -> None:
+    """Refuse joints and loads of bodies that nobody declared, and of one with itself."""
     known = {*bodies, GROUND}
-    for what, elements in (("joints", joints), ("loads", loads)):
-        for element in elements:
+    for what, group in elements.items():
+        for element in group:
             label = getattr(element, "name", type(element).__name__)
             for body in (element.i, element.j):
                 if body not in known:
@@ -87,9 +98,3 @@ def check_names(
                     f"Argument `{what}`: '{label}' must connect two different bodies, but connects "
                     f"'{element.i}' with itself. Correct `i` or `j`."
                 )
-    used = {body for joint in joints for body in (joint.i, joint.j)}
-    loose = [body for body in bodies if body not in used]
-    if loose:
-        raise RedundaxError(
-            f"Argument `bodies`: {loose} have no joint. Connect them, or leave them out of the mechanism."
-        )

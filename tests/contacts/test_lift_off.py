@@ -60,6 +60,28 @@ def test_amounts_against_all_active_sets(feet):
     assert changes > 6
 
 
+def test_a_push_at_a_point_is_a_load():
+    """A weight of one beyond the corner is a force and its moments; it tips by its level where it pushes aside."""
+    mechanism = table_of_joints(held_aside=True)
+    still, legs = rx.assemble(mechanism), rx.ElasticJoints(mechanism, {f"f{k}": 1e-6 for k in range(1, 5)})
+    top = rx.spatial.Body("table", 10.0, inertia=(1.0, 1.0, 1.5), centre=(0.0, 0.0, 0.7))
+    down = rx.spatial.AppliedForce(top, force=(0.0, 0.0, -1.0), point=(0.6, 0.4, 0.0))
+    np.testing.assert_allclose(mechanism.load_of(down, still), [0, 0, -1, -0.4, 0.6, 0], atol=1e-15)
+    found = rx.lift_off(mechanism, still, down, legs)
+    assert found.load == {"table.z": -1.0, "table.phi_x": -0.4, "table.phi_y": 0.6}
+    aside = rx.spatial.AppliedForce(top, force=(1.0, 0.0, 0.0), point=(0.0, 0.0, 1.4))
+    assert rx.limit_load(mechanism, still, aside).upper == pytest.approx(10 * G * 0.4 / 1.4, rel=1e-7)
+    spinning = rx.State(still.q, jnp.arange(1.0, 7.0))  # inertia is no part of a load
+    np.testing.assert_allclose(mechanism.load_of(aside, spinning)[:3], [1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(mechanism.load_of(aside, spinning)[3:], [0, 1.4 - 0.7, 0], rtol=1e-14)
+    with pytest.raises(ValueError, match=r"Argument `load` must be spatial.*`rx.spatial`"):
+        rx.limit_load(mechanism, still, rx.AppliedForce("table", force=(1.0, 0.0)))
+    with pytest.raises(ValueError, match="desk"):
+        rx.lift_off(mechanism, still, rx.spatial.AppliedForce(rx.spatial.Body("desk", 1.0, inertia=(1, 1, 1))))
+    with pytest.raises(ValueError, match="or a load of mechanisms"):
+        rx.lift_off(mechanism, still, "table")
+
+
 def test_what_has_no_order_is_refused():
     mechanism = table_of_joints(held_aside=True)
     state, push = rx.assemble(mechanism), {"table.x": 1.0}

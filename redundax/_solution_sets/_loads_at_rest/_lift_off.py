@@ -15,20 +15,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._analysis._outputs import plain
+from ..._bodies._loads import AbstractLoad
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, check_closure, elasticity
 from ..._equations._factorisation import Factorisation, factorised
 from ..._equations._scaling import Scaling, largest_violation
 from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains, without_rows
 from ..._solve._solve import solve
 from ..._system._contact import Contact, code_of, words
-from ..._system._names import ByName, unit_of, vector
+from ..._system._names import ByName, unit_of
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import finite
 from ..._tools._numbers import Numeric, as_numbers, computed, or_one, xp
 from ..._tools._table import text_of
+from ._added_load import added_load
 
 _MINIMUM_NORM = MinimumNorm()
 _BEYOND = 1e-6  # of the amounts: how far beyond a change it is asked what contacts do
@@ -59,8 +60,8 @@ class LiftOff:
         ]
         table = rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81))
         legs = rx.ElasticJoints(table, {"f1": 1e-6, "f2": 2e-6, "f3": 1e-6, "f4": 1e-6})  # m/N
-        load = {"table.z": -1.0, "table.phi_x": -0.4, "table.phi_y": 0.6}
-        found = rx.lift_off(table, rx.assemble(table), load, legs)
+        push = rx.spatial.AppliedForce(top, force=(0.0, 0.0, -1.0), point=(0.6, 0.4, 0.7))
+        found = rx.lift_off(table, rx.assemble(table), push, legs)
         found.first, found.first_amount  # the foot that loses its load first, and at which push
         ```
     """
@@ -133,7 +134,9 @@ class _Set(NamedTuple):
 
 
 @computed
-def lift_off(system: AbstractSystem, state: State, load: ByName, closure: AbstractClosure = _MINIMUM_NORM) -> LiftOff:
+def lift_off(
+    system: AbstractSystem, state: State, load: ByName | AbstractLoad, closure: AbstractClosure = _MINIMUM_NORM
+) -> LiftOff:
     """Which contact lifts first as a load grows, and at which amount: all changes of contacts from none of it on, until
     one lifts and the mechanism tips.
 
@@ -150,16 +153,15 @@ def lift_off(system: AbstractSystem, state: State, load: ByName, closure: Abstra
         ]
         table = rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81))
         legs = rx.ElasticJoints(table, {"f1": 1e-6, "f2": 2e-6, "f3": 1e-6, "f4": 1e-6})  # m/N
-        load = {"table.z": -1.0, "table.phi_x": -0.4, "table.phi_y": 0.6}
-        found = rx.lift_off(table, rx.assemble(table), load, legs)
+        push = rx.spatial.AppliedForce(top, force=(0.0, 0.0, -1.0), point=(0.6, 0.4, 0.7))
+        found = rx.lift_off(table, rx.assemble(table), push, legs)
         print(found)
         ```
 
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`. With one-sided contacts and without friction.
-    - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,), beside the loads that there
-      are. Those of the other sign are a call of their own.
+    - `load`: as of `limit_load`, beside the loads that there are. Those of the other sign are a call of their own.
     - `closure`: the loads that it picks, without play.
 
     **Returns:** a `types.LiftOff`.
@@ -169,8 +171,7 @@ def lift_off(system: AbstractSystem, state: State, load: ByName, closure: Abstra
     check_system_at(system, state)
     check_closure(closure)
     _check(system, closure)
-    force = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
-    finite("load", force)
+    force = added_load(system, state, load)
     begins = solve(system, state, closure=closure)
     course = _course(system, state, elasticity(closure, system, state), force, np.asarray(begins.contact))
     names, rows = system.names, list(system.names.one_sided)

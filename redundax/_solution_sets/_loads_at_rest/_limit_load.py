@@ -9,7 +9,7 @@ unique, there are loads of any stiffness wherever any equilibrium with contacts 
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -17,23 +17,24 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._outputs import plain
+from ..._bodies._loads import AbstractLoad
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from ..._equations._factorisation import Factorisation
 from ..._equations._response import Response
-from ..._system._names import ByName, unit_of, vector
+from ..._system._names import ByName, unit_of
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
-from ..._tools._numbers import Numeric, as_numbers, computed, xp
+from ..._tools._numbers import Numeric, computed, xp
 from ..._tools._table import text_of
-from ..._tools._words import short
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
 from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
+from ._added_load import added_load
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
 from ._giving_way import giving_way
@@ -140,7 +141,7 @@ class LimitLoad:
 def limit_load(
     system: AbstractSystem,
     state: State,
-    load: ByName,
+    load: ByName | AbstractLoad,
     bounds: AbstractBounds | AbstractClosure | None = None,
     *,
     nodes: int = 400,
@@ -156,13 +157,15 @@ def limit_load(
 
         ```python
         rest = mechanism.state(phi=0.8, rate=0.0)
-        print(rx.limit_load(mechanism, rest, {"1.phi": 1.0}))  # multiples of 1 N m on the crank
+        print(rx.limit_load(mechanism, rest, rx.AppliedForce("1", moment=1.0)))  # multiples of 1 N m on the crank
+        print(rx.limit_load(mechanism, rest, {"1.phi": 1.0}))  # the same
         ```
 
     **Arguments:**
 
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
-    - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
+    - `load`: an `AppliedForce` or another load of mechanisms as it is at the state; or generalised forces by name of
+      coordinate, N or N m, or an array of shape (n,).
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks,
       `MinimumNorm()` if not given. With one-sided contacts that they push is enough: where stiffness would have one
       pull, it opens and the others take over. Where friction does not depend on how they share the load, bounds and
@@ -182,12 +185,7 @@ def limit_load(
     (system, factor, pushing), report = analyzed(system, state, rank, factor, lifting=True)
     if report.problem:
         raise NoSolutionError(report.problem)
-    if not isinstance(load, Mapping) and (np.ndim(load) != 1 or np.asarray(load).dtype == object):
-        raise RedundaxError(
-            "Argument `load` must be generalised forces by name of coordinate or as a vector, but is "
-            f"{short(load)}. Write {{{system.coordinates.labels[0]!r}: 1.0}}, say."
-        )
-    force: Numeric = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
+    force = added_load(system, state, load)
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     own = np.where(np.linalg.norm(own) > NONE * np.linalg.norm(force), own, 0.0)

@@ -1,0 +1,33 @@
+"""The load that is added to those of a mechanism at rest, as generalised forces."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..._bodies._loads import AbstractLoad
+from ..._bodies._mechanism import Mechanism
+from ..._system._names import ByName, vector
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from ..._tools._errors import RedundaxError
+from ..._tools._module import finite
+from ..._tools._numbers import Numeric, as_numbers
+from ..._tools._words import short
+
+
+def added_load(system: AbstractSystem, state: State, load: ByName | AbstractLoad) -> Numeric:
+    """Generalised forces, shape (n,), of what is given for the argument `load`."""
+    force = None
+    if isinstance(load, AbstractLoad):
+        force = system.load_of(load, state) if isinstance(system, Mechanism) else None
+    elif isinstance(load, Mapping) or (np.ndim(load) == 1 and np.asarray(load).dtype != object):
+        force = vector("load", load, system.coordinates, " of coordinates")
+    if force is None:
+        of_mechanism = ", or a load of mechanisms, such as an `AppliedForce`" if isinstance(system, Mechanism) else ""
+        raise RedundaxError(
+            f"Argument `load` must be generalised forces by name of coordinate or as a vector{of_mechanism}, but is "
+            f"{short(load)}. Write {{{system.coordinates.labels[0]!r}: 1.0}}, say."
+        )
+    found: Numeric = as_numbers(force)
+    finite("load", found)
+    return found
