@@ -16,8 +16,13 @@ def short(value: object) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question about near names, with a space behind it; nothing where none is near."""
-    near = difflib.get_close_matches(name, list(known), 3, 0.5)
+    """A question about near names, first of those with the same first word, such as a joint; a space behind it.
+
+    Nothing where none is near.
+    """
+    known = list(known)
+    same = [each for each in known if each.split(" ")[0] == name.split(" ")[0]]
+    near = difflib.get_close_matches(name, same, 3, 0.5) or same[:3] or difflib.get_close_matches(name, known, 3, 0.5)
     return f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import redundax as rx
 from redundax._system._pushing import in_words
+from redundax._tools._words import did_you_mean
 
 rs, NAN, HERE = rx.spatial, float("nan"), (0.0, 0.0)
 ROD, BAR = rx.Body("rod", 1.0, 0.1), rs.Body("bar", 1.0, (1.0, 1.0, 1.0))
@@ -223,6 +224,14 @@ def test_the_load_on_either_body_of_a_joint_has_its_name():
     assert not any(name.endswith(" on ground") for name in (each.name for each in solution.entries))  # told once
     with pytest.raises(KeyError, match="Did you mean 'wall force y on ground'"):
         solution["wall force y on Ground"]
+
+
+def test_near_names_are_those_of_the_same_joint():
+    """`band` tells loads on one body of a joint; of another joint the same words are nearer."""
+    known = ["rod.x''", "B force y on rod", "C force x on rocker", "C force y on rocker"]
+    assert did_you_mean("C force y on rod", known).startswith("Did you mean 'C force y on rocker' or")
+    assert did_you_mean("C", known) == "Did you mean 'C force x on rocker' or 'C force y on rocker'? "
+    assert did_you_mean("rod.z''", known).startswith("Did you mean \"rod.x''\"")
 
 
 class Own(rx.AbstractJoint):
