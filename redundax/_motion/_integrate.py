@@ -26,7 +26,7 @@ from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, chosen, differs, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import once, once_in_reverse
+from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where

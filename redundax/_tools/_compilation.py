@@ -16,8 +16,6 @@ from typing import ParamSpec, TypeVar
 import equinox as eqx
 import jax
 import jax.core
-import jax.numpy as jnp
-from jaxtyping import PyTree
 
 from ._waiting import tell_of_long_compiling
 
@@ -97,90 +95,6 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False, in_order: boo
             return inside(*arguments, **named)
 
     return run
-
-
-def is_staged() -> bool:
-    """Whether this is traced as a part of a program, and not for a derivative or a batch alone."""
-    return isinstance(jnp.zeros(()) + 1, jax.core.Tracer)
-
-
-def once(function: Callable[P, T]) -> Callable[P, T]:
-    """`eqx.filter_jit` of what is traced, compiled in little time where no program is around it: a derivative that is
-    asked for once waits for its compiling alone. For forward mode."""
-    inside = eqx.filter_jit(function)
-
-    @functools.cache
-    def alone() -> Callable[P, T]:
-        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
-
-    @functools.wraps(function)
-    def run(*arguments: P.args, **named: P.kwargs) -> T:
-        if is_staged():
-            return inside(*arguments, **named)
-        with in_little_time(True):
-            return alone()(*arguments, **named)
-
-    return run
-
-
-def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
-    """The same for reverse mode: JAX takes options for no program that it cuts in two, so that going forth and back are
-    programs of their own here."""
-    inside = eqx.filter_jit(function)
-
-    @functools.cache
-    def ways(is_alone: bool) -> tuple[Callable[..., PyTree], ...]:
-        options, both = quick_options() if is_alone else None, (functools.partial(_forth, function), _back)
-        return tuple(eqx.filter_jit(way, compiler_options=options) for way in both)  # pyright: ignore[reportCallIssue]
-
-    def gone(way: int, *given: PyTree) -> PyTree:
-        is_alone = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(given))  # no other derivative around
-        with in_little_time(is_alone):
-            return ways(is_alone)[way](*given)
-
-    @eqx.filter_custom_vjp
-    def differentiated(given: tuple[PyTree, PyTree]) -> PyTree:
-        return inside(*given[0], **given[1])
-
-    @differentiated.def_fwd
-    def _forward(perturbed: PyTree, given: PyTree) -> PyTree:
-        return gone(0, *eqx.partition(given, perturbed))
-
-    @differentiated.def_bwd
-    def _backward(residuals: PyTree, grad: PyTree, perturbed: PyTree, given: PyTree) -> PyTree:
-        return gone(1, residuals, grad)
-
-    @functools.wraps(function)
-    def run(*arguments: PyTree, **named: PyTree) -> T:
-        if is_staged():
-            return inside(*arguments, **named)
-        try:
-            return differentiated((arguments, named))
-        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
-            return inside(*arguments, **named)
-
-    return run
-
-
-def _forth(function: Callable[..., PyTree], moved: PyTree, fixed: PyTree) -> tuple[PyTree, PyTree]:
-    """Values, and what takes their cotangents back to those of what is moved."""
-
-    def of_moved(moved: PyTree) -> PyTree:
-        arguments, named = eqx.combine(moved, fixed)
-        return function(*arguments, **named)
-
-    out, back = eqx.filter_vjp(of_moved, moved)
-    return out, (jax.eval_shape(lambda: eqx.filter(out, eqx.is_inexact_array)), back)
-
-
-def _back(residuals: tuple[PyTree, Callable[..., PyTree]], grad: PyTree) -> PyTree:
-    """Cotangents of what is moved; of results that are not asked for, None, they are 0."""
-    like, back = residuals
-
-    def whole(x: PyTree, like: PyTree) -> PyTree:
-        return x if x is not None or like is None else jnp.zeros(like.shape, like.dtype)
-
-    return back(jax.tree.map(whole, grad, like, is_leaf=lambda x: x is None))[0]
 
 
 @functools.cache

@@ -227,8 +227,8 @@ class _Inner:
 
 
 class _Loop:
-    """A loop, which is a program once its turns have taken half as long as compiling it takes; where their number is
-    known, before they would take as long."""
+    """A loop, which is a program once its turns have taken half as long as compiling it takes; as long, where it is
+    nearly at its end."""
 
     def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, times: float):
         self._equation, self._options = equation, options
@@ -263,7 +263,7 @@ class _Loop:
 
 
 # What a loop is given to go on from here, turn by turn; what it gives at its end; and the part that is done, one half
-# where nobody knows.
+# if nobody knows or it is less.
 Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
@@ -302,7 +302,7 @@ def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
             out = turned(*now, *[x[k] for x in over])
             now = out[:number]
             noted.append(out[number:])
-            yield given, None, len(noted) / length
+            yield given, None, max(0.5, len(noted) / length)  # of phases of a motion few turn at all
         if parameters["reverse"]:
             noted.reverse()
         yield given, [*now, *(np.stack(each) for each in zip(*noted, strict=True))], 1.0

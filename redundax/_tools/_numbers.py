@@ -379,7 +379,7 @@ def on_numbers(
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
     One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; `traced`
-    compiles it where arguments are, `once` or `once_in_reverse` in little time for a derivative alone.
+    compiles it where arguments are, `once` or `once_in_reverse` (`_derivatives`) in little time for a derivative alone.
     """
     inside = (traced or eqx.filter_jit)(function) if jit else function
     program, calls = compiled(function), collections.Counter()
@@ -428,17 +428,27 @@ _RECENT = 128  # structures of which one function is kept traced
 class _Traced:
     """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on.
 
-    One whose `loops` turn often is traced as it is compiled; they become programs of their own.
+    One whose `loops` turn often is traced as it is compiled; they become programs of their own. What goes `in_reverse`
+    has all ways to go in it.
     """
 
-    def __init__(self, function: Callable[..., Any], arguments: Any, loops: bool = False, in_order: bool = False):
-        with in_little_time(True), of_equations(not loops), of_one_sample(loops), uncollected():
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        arguments: Any,
+        loops: bool = False,
+        in_order: bool = False,
+        in_reverse: bool = False,
+    ):
+        is_single = loops and not in_reverse
+        with in_little_time(True), of_equations(not loops), of_one_sample(is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
         self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
         self.options = partial(quick_options, True, True) if in_order else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed, self.options, times=_OPTIMISED if in_order else 1.0)
+            times = _OPTIMISED if in_order else _IN_REVERSE if in_reverse else 1.0
+            self.first = Interpreted(self.closed, self.options, times=times)
 
     @property
     def is_compiled(self) -> bool:
@@ -467,15 +477,16 @@ class _Traced:
 # Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
 # compiles for about as long.
 LONG = 5.0
-_OPTIMISED = 4.0  # times as long as in little time
+_OPTIMISED, _IN_REVERSE = 4.0, 2.0  # times as long as forward in little time, by equation
 
 
-def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Callable[..., Any]:
+def as_program(function: Callable[..., Any], *, in_order: bool = False, in_reverse: bool = False) -> Callable[..., Any]:
     """What repeats a thousand times: `compiled` where arguments are traced; of numbers, or JAX's arrays, it gives such.
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
     and with all optimisation once they have run for `LONG`. What is large, and one call of which may run for long, is
-    compiled `in_order` and with all optimisation as soon as it would take longer.
+    compiled `in_order` and with all optimisation as soon as it would take longer. What goes `in_reverse`, which would
+    take minutes, never is.
     """
     first, fast = compiled(function), compiled(function, runs_long=True)
     recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
@@ -490,8 +501,8 @@ def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Calla
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
         try:
             with jax.core.eval_context():
-                traced = _kept(recent, key, lambda: _Traced(function, arguments, True, in_order))
-                if in_order or traced.spent <= LONG:
+                traced = _kept(recent, key, lambda: _Traced(function, arguments, True, in_order, in_reverse))
+                if in_order or in_reverse or traced.spent <= LONG:
                     return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))

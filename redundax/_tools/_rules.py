@@ -4,6 +4,7 @@ A rule gives a function of arrays, from the parameters of an equation and the sh
 that are given stay as they are.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -37,6 +38,13 @@ def _divided(function: Computed) -> Callable[..., Computed]:
     return rule
 
 
+def _ends(dtype: np.dtype) -> tuple[float, float]:
+    """The least and the largest number of a type."""
+    if np.issubdtype(dtype, np.bool_):
+        return False, True
+    return (-np.inf, np.inf) if np.issubdtype(dtype, np.floating) else (np.iinfo(dtype).min, np.iinfo(dtype).max)
+
+
 def _along(reduce: Any) -> Callable[..., Computed]:
     """A reduction along axes, which keeps the type."""
 
@@ -46,6 +54,9 @@ def _along(reduce: Any) -> Callable[..., Computed]:
             raise NoRuleError
         if reduce is np.add or reduce is np.multiply:
             return lambda x: reduce.reduce(x, axis=axes, dtype=dtype)
+        if not of[0].size and reduce in (np.maximum, np.minimum):
+            of_none = np.array(_ends(dtype)[reduce is np.minimum], dtype)
+            return lambda x: np.full(to[0].shape, of_none)
         return lambda x: reduce.reduce(x, axis=axes)
 
     return rule
@@ -153,19 +164,20 @@ def _split(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 
 
 def _pad(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    shape, dtype, config = to[0].shape, to[0].dtype, parameters["padding_config"]
-    if any(low < 0 or high < 0 for low, high, _ in config):
-        raise NoRuleError
-    inner = tuple(
-        slice(low, low + (size - 1) * (between + 1) + 1 if size else low, between + 1)
-        for (low, _, between), size in zip(config, of[0].shape, strict=True)
-    )
+    """What is padded by less than nothing is cut."""
+    config, dtype, where = parameters["padding_config"], to[0].dtype, zip(of[0].shape, to[0].shape, strict=True)
+    whole = [size + max(-low, 0) + max(-high, 0) for size, (low, high, _) in zip(to[0].shape, config, strict=True)]
+    inner, kept = [], []
+    for (size, left), (low, _, between) in zip(where, config, strict=True):
+        begin, step = max(low, 0), between + 1
+        inner.append(slice(begin, begin + (size - 1) * step + 1 if size else begin, step))
+        kept.append(slice(max(-low, 0), max(-low, 0) + left))
 
     def pad(x: Entries, value: Entries) -> np.ndarray:
-        out = np.empty(shape, dtype)
+        out = np.empty(whole, dtype)
         out[...] = value
-        out[inner] = x
-        return out
+        out[tuple(inner)] = x
+        return out[tuple(kept)]
 
     return pad
 
@@ -274,7 +286,7 @@ def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
     if fill is None:
         dtype = to[0].dtype
         is_whole, unsigned = np.issubdtype(dtype, np.integer), np.issubdtype(dtype, np.unsignedinteger)
-        fill = (np.iinfo(dtype).max if unsigned else np.iinfo(dtype).min) if is_whole else np.nan
+        fill = _ends(dtype)[unsigned] if is_whole else np.nan
 
     def gather(x: Entries, places: tuple[np.ndarray, np.ndarray | None]) -> np.ndarray:
         found, lost = places
@@ -357,6 +369,10 @@ def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Com
     return update
 
 
+def _empty(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    return functools.partial(np.zeros, to[0].shape, to[0].dtype)
+
+
 def _maybe_set(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """Equinox's setting of an entry in a loop, which outside of batches is always done."""
     if len(of) != 4 or of[3].shape != () or parameters["kwargs"] or parameters["i_static"] is not None:
@@ -415,6 +431,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
             "mul": np.multiply,
             "ne": np.not_equal,
             "neg": np.negative,
+            "nextafter": np.nextafter,
             "not": np.invert,
             "or": np.bitwise_or,
             "sign": np.sign,
@@ -444,6 +461,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "div": _divided(np.divide),
     "dot_general": _dot,
     "dynamic_slice": _dynamic_slice,
+    "empty2": _empty,
     "dynamic_update_slice": _dynamic_update_slice,
     "eigh": or_nan(eigh),
     "expand_dims": _reshape,

@@ -8,7 +8,8 @@ import pytest
 import redundax as rx
 from redundax._bodies._space._rotation import rotation, times
 from redundax._tools import _compilation
-from redundax._tools._compilation import compiled, once_in_reverse, quick_options
+from redundax._tools._compilation import compiled, quick_options
+from redundax._tools._derivatives import once_in_reverse
 
 MECHANISMS = {
     "wojtyra2020": lambda: rx.mechanisms.wojtyra2020(mu_rho=0.02),
@@ -223,6 +224,18 @@ def summed(x, y, *, times):
     return {"sum": jnp.sum(x * y), "power": x**times, "count": jnp.size(x), "name": "one"}
 
 
+@once_in_reverse
+def turned(x):
+    """What is looped over, set at places and read from there."""
+
+    def turn(now, k):
+        now = now.at[k].set(jnp.sin(now[k]) * now[(k + 1) % 3])
+        return jnp.where(now > 0.9, now[::-1], now), jnp.max(now)
+
+    out, largest = jax.lax.scan(turn, x / 3, jnp.arange(3))
+    return jnp.linalg.solve(jnp.diag(out) + 0.1, largest) @ jnp.pad(x, 1)[:3]
+
+
 def test_reverse_mode_alone_has_the_derivatives_of_the_function():
     """By some arguments and not others, of some results; by rows and in batches."""
     x, y = jnp.arange(1.0, 4.0), jnp.array([2.0, 3.0, 5.0])
@@ -233,5 +246,6 @@ def test_reverse_mode_alone_has_the_derivatives_of_the_function():
     many = jax.vmap(both, in_axes=(0, None))(jnp.stack([x, 2 * x]), y)
     np.testing.assert_allclose(many[0], [y + 2 * x * np.eye(3)[0], y + 4 * x * np.eye(3)[0]])
     np.testing.assert_allclose(many[1], [x, 2 * x])
+    np.testing.assert_allclose(jax.grad(lambda x: turned(x))(x), jax.jit(jax.grad(turned))(x), rtol=1e-14)
     held = jax.grad(lambda c: once_in_reverse(lambda x: jnp.sum(c * x))(c * x))
     np.testing.assert_allclose(held(2.0), 24.0)  # by what the function holds, too
