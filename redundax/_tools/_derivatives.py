@@ -52,8 +52,8 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
     NumPy computes at first where nothing is traced around them."""
     inside = eqx.filter_jit(function)
     forth = functools.partial(_forth, function)
-    alone = tuple(as_program(way, in_reverse=True) for way in (forth, _back))
-    beside = tuple(eqx.filter_jit(way) for way in (forth, _back))
+    alone = as_program(forth, in_reverse=True), as_program(_back, in_reverse=True)
+    beside = eqx.filter_jit(forth), eqx.filter_jit(_back)
 
     @eqx.filter_custom_vjp
     def differentiated(given: tuple[PyTree, PyTree]) -> PyTree:
