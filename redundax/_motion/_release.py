@@ -45,8 +45,9 @@ _DEGREE, _SWEEPS, _SPANS = 8, 10, 16
 # Least tolerance, in roundings.
 _ROUNDINGS = 100.0
 # Newton's steps to a limit; slips there, in those that count as none; what slip accelerations miss there at most, as a
-# part of what they are made of; and what makes ways of joints alike where slips do not tie them together.
-_TURNS, _FELT, _AGREES, _ALIKE = 4, 1e4, (1e-8, 1e3), 1e-10
+# part of what they are made of; what makes ways of joints alike where slips do not tie them together; and by how much
+# it may be sooner or later, in times that the mechanism takes for its own length.
+_TURNS, _FELT, _AGREES, _ALIKE, _SOON = 4, 1e4, (1e-8, 1e3), 1e-10, 1e-3
 
 
 def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -167,8 +168,10 @@ def _at_limit(release: Release) -> Release:
 
     begin = sized(_together(directions, fixed, joints, part))
     way, weights, rise, missed = jax.lax.fori_loop(0, _TURNS, turn, (begin, begin, begin, t))
-    found = jnp.any(wanted) & (missed <= tolerance_of(_AGREES, t)) & jnp.all(jnp.isfinite(way))
-    weights, slope = jnp.where(found, weights, 0.0), jnp.where(found, weights @ rise, 1.0)
+    slope, most = weights @ rise, _SOON * fixed.scaling.size / fixed.speed
+    soon = jnp.abs(weights @ slips(fixed, t, y, way)) <= most * jnp.abs(slope)
+    found = jnp.any(wanted) & (missed <= tolerance_of(_AGREES, t)) & soon & (slope != 0)
+    weights, slope = jnp.where(found, weights, 0.0), jnp.where(found, slope, 1.0)
     shift = -(weights @ slips(equations, release.t, release.y, jnp.where(found, way, begin))) / slope
     there = jax.tree.map(lambda x, slope: x + shift * slope, release.y, change)
     after, there = jax.tree.map(
