@@ -154,7 +154,7 @@ def _at_limit(release: Release) -> Release:
         return way / jnp.maximum(jnp.max(jnp.abs(way * fixed.slip_size)), jnp.finfo(t.dtype).tiny)
 
     def turn(_: int | Array, now: tuple[Array, ...]) -> tuple[Array, ...]:
-        way, *_ = now
+        way = now[0]
         slip, moved = jax.linearize(lambda t, y, way: slips(fixed, t, y, way), t, y, way)
         still = jax.tree.map(jnp.zeros_like, y)
         rise = moved(jnp.ones_like(t), change, jnp.zeros_like(way))
