@@ -98,7 +98,8 @@ class _Course(NamedTuple):
 
 def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
     """The motion from a release on, for a while; where it is if there is none."""
-    release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release), lambda: release)
+    if len(cast(Directions, release.equations.directions).joints) > 1:  # one goes against what holds it, known there
+        release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release), lambda: release)
     t, y, sense = release.t, release.y, release.equations.sense
     none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
     wanted = jnp.any(release.joints)
