@@ -14,6 +14,9 @@ by Newton's method on the w_i, which alone are stiff, dw = (1 - h a dF/dw)^-1 (w
 iteration. h is as long as the last terms of the slopes are below the tolerance, and no other event is passed. Ordinary
 steps go on from there, where friction turns the slip at a rate that h bounds.
 
+Where loads just reach what friction holds, slips begin at the t0 and along the w at which F(t0, y, w) = 0. With l of
+the left null space, l F_w = 0, t0 is a root of l F, however w turns beside it: so it has its derivative (`_at_limit`).
+
 Derivatives pass the iteration at the h and the inverse found, which do not change its end. Where no h is found the
 motion goes on from the release by ordinary steps, and derivatives, which they lose, are NaN.
 """
@@ -31,6 +34,7 @@ from .._system._directions import Directions
 from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
 from .._tools._numbers import stop_gradient
+from ._linear import Linear, least_friction
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
 from ._slip import has_event
@@ -40,6 +44,10 @@ from ._touch import margins
 _DEGREE, _SWEEPS, _SPANS = 8, 10, 16
 # Least tolerance, in roundings.
 _ROUNDINGS = 100.0
+# Newton's steps to a limit; slips there, in those that count as none; what slip accelerations miss there at most, as a
+# part of what they are made of; what makes ways of joints alike where slips do not tie them together; and by how much
+# it may be sooner or later, in times that the mechanism takes for its own length.
+_TURNS, _FELT, _AGREES, _ALIKE, _SOON = 4, 1e4, (1e-8, 1e3), 1e-10, 1e-3
 
 
 def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -90,6 +98,8 @@ class _Course(NamedTuple):
 
 def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
     """The motion from a release on, for a while; where it is if there is none."""
+    if len(cast(Directions, release.equations.directions).joints) > 1:  # one goes against what holds it, known there
+        release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release), lambda: release)
     t, y, sense = release.t, release.y, release.equations.sense
     none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
     wanted = jnp.any(release.joints)
@@ -109,6 +119,80 @@ def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance:
         return Onward(then, there, turned, jax.tree.map(lambda x: x[:-1], path))
 
     return jax.lax.cond(batch_any(wanted), begun, lambda: none)
+
+
+def _at_limit(release: Release) -> Release:
+    """The release at the instant at which loads reach what friction holds, with the directions in which slips begin.
+
+    (t0, w) by Newton's method, where F does not change with the size of w:
+
+        F + F_w dw + F' dt = 0,   c dw = 0,   c = K w / (w K w),   T = F_w + w c:   dt = -l F / (l F'),   l T = c
+
+    with F' along the motion with joints held, and K the least friction by slips.
+    """
+    equations, joints, context = release.equations, release.joints, release.context
+    directions, wanted = cast(Directions, equations.directions), joints & release.touches
+    fixed, t, y, context = stop_gradient((equations, release.t, release.y, context))
+    before = fixed.with_sense(jnp.where(joints, 0.0, fixed.sense))
+    linear = cast(Linear, before.linear(y.at(t), context.held, closed=fixed.loaded))
+    solved = before.solved(y.at(t), linear, context.tau, before.sense)
+    change = before.change(y.at(t), y, linear.rate, solved)
+    holds = least_friction(linear.yields, before.sticking & ~joints, fixed.slip_size)
+    yields = linear.yields - linear.yields @ holds @ linear.yields  # with those held that stay so
+    yields = jnp.where(joints[:, None] & joints, yields, 0.0)
+    lacks = least_friction(yields, joints, fixed.slip_size)
+    part = yields @ lacks
+    pull = jnp.max((jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(solved.tau)) * fixed.slip_size)
+    pull = jnp.where(pull > 0, pull, 1.0)
+    size = _FELT * tolerance_of(NONE, t) * fixed.speed
+    one = jnp.eye(joints.size, dtype=t.dtype)
+
+    def slips(given: Equations, t: Array, y: Moving, way: Array) -> Array:
+        felt = jnp.where(joints, size * way, linear.rate)
+        return jnp.where(joints, given.instant(t, y, context, felt)[1], 0.0)
+
+    def sized(way: Array) -> Array:
+        return way / jnp.maximum(jnp.max(jnp.abs(way * fixed.slip_size)), jnp.finfo(t.dtype).tiny)
+
+    def turn(_: int | Array, now: tuple[Array, ...]) -> tuple[Array, ...]:
+        way = now[0]
+        slip, moved = jax.linearize(lambda t, y, way: slips(fixed, t, y, way), t, y, way)
+        still = jax.tree.map(jnp.zeros_like, y)
+        rise = moved(jnp.ones_like(t), change, jnp.zeros_like(way))
+        turns = jax.vmap(lambda unit: moved(jnp.zeros_like(t), still, unit), out_axes=1)(one) @ part
+        power = lacks @ way / (way @ lacks @ way)
+        inverse = jnp.linalg.inv(turns / pull + jnp.outer(way, power) @ part + one - part)
+        weights = power @ part @ inverse
+        shift = -(weights @ slip) / (weights @ rise)
+        missed = slip + shift * rise
+        return sized(way - inverse @ missed / pull), weights, rise, jnp.max(jnp.abs(missed * fixed.slip_size)) / pull
+
+    begin = sized(_together(directions, fixed, joints, part))
+    way, weights, rise, missed = jax.lax.fori_loop(0, _TURNS, turn, (begin, begin, begin, t))
+    slope, most = weights @ rise, _SOON * fixed.scaling.size / fixed.speed
+    soon = jnp.abs(weights @ slips(fixed, t, y, way)) <= most * jnp.abs(slope)
+    found = jnp.any(wanted) & (missed <= tolerance_of(_AGREES, t)) & soon & (slope != 0)
+    weights, slope = jnp.where(found, weights, 0.0), jnp.where(found, slope, 1.0)
+    shift = -(weights @ slips(equations, release.t, release.y, jnp.where(found, way, begin))) / slope
+    there = jax.tree.map(lambda x, slope: x + shift * slope, release.y, change)
+    after, there = jax.tree.map(
+        lambda x: without_derivative(jnp.any(wanted) & ~found, x), (release.t + shift, rechart(fixed.system, there)[0])
+    )
+    sense = jnp.where(wanted & found, directions.unit(directions.arms * way), fixed.sense)
+    return release._replace(
+        equations=equations.with_sense(sense), t=after, y=there, context=release.context._replace(along=sense)
+    )
+
+
+def _together(
+    directions: Directions, equations: Equations, joints: Bool[Array, " p"], part: Float[Array, "p p"]
+) -> Float[Array, " p"]:
+    """Slips along the senses of joints as they go together."""
+    same = np.unique(directions.same, axis=0).T
+    ways = jnp.where(joints, equations.sense / directions.arms, 0.0)[:, None] * same
+    off = equations.slip_size[:, None] * (ways - part @ ways)
+    alike = jnp.ones(same.shape[1], part.dtype)
+    return ways @ jnp.linalg.solve(off.T @ off + _ALIKE * jnp.diag(alike), alike)
 
 
 def _longest(release: Release, end: Array, tolerance: Array) -> _Course:

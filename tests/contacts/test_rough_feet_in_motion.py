@@ -319,6 +319,66 @@ def test_a_table_that_falls_flat_slides_or_sticks_where_it_lands(mu, sticks):
     np.testing.assert_allclose(motion.impacts.energy[0], MASS * (strike**2 + speed**2 - left**2) / 2, rtol=1e-8)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("mu", "speed"), [(0.3, 2.5), (0.3, 0.9)])
+def test_a_table_that_bounces_flat_loses_speed_by_each_impact(mu, speed):
+    """mu (1 + e) of the speed of the fall, as long as it slides; and mu g once it lies."""
+    fall, part, along = 0.05, 0.5, np.array([0.8, 0.6])
+    motion = moved(
+        table(CORNERS, mu, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.2), 0.6, (*(speed * along), 0.0), fall, restitution=part
+    )
+    times, t, strike, way, left = np.asarray(motion.t), np.sqrt(2 * fall / 9.81), np.sqrt(2 * fall * 9.81), 0.0, speed
+    ways, speeds, strikes = speed * times, np.full_like(times, speed), [t]
+    way = speed * t
+    while strike > 1e-9:
+        left, later = max(left - mu * (1 + part) * strike, 0.0), times >= t
+        ways[later], speeds[later] = way + left * (times[later] - t), left
+        strike *= part
+        way, t = way + left * 2 * strike / 9.81, t + 2 * strike / 9.81
+        strikes.append(t)
+    since = np.minimum(np.maximum(times - t, 0.0), left / (mu * 9.81))
+    ways, speeds = ways - mu * 9.81 * since**2 / 2, speeds - mu * 9.81 * since
+    rests = times >= t + left / (mu * 9.81)
+    ways[rests] = way + left**2 / (2 * mu * 9.81)
+    np.testing.assert_allclose(motion.qd[:, :2], np.outer(speeds, along), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(motion.q[:, :2], np.outer(ways, along), rtol=0, atol=1e-8)
+    np.testing.assert_allclose(motion.impacts.t[:10], strikes[:10], rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mu", "height", "speed"), [(0.9, 0.8, 2.0), (0.8, 0.7, 3.0)])
+def test_a_table_tips_as_it_slides_until_its_feet_stick(mu, height, speed):
+    """About its front feet, by its tilt and the way of its centre."""
+    motion = moved(table(CORNERS, mu, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), height), 0.3, (speed, 0.0, 0.0))
+
+    def feet(y):
+        c, s = np.cos(y[1]), np.sin(y[1])
+        ahead, above = 0.5 * c - height * s, -0.5 * s - height * c
+        return ahead, above, y[2] + y[3] * above
+
+    def slope(t, y):
+        ahead, above, _ = feet(y)
+        lever = mu * above + ahead
+        load = (9.81 + y[3] ** 2 * above) / (1 / MASS + lever * ahead / 1.2)
+        return [y[2], y[3], -mu * load / MASS, -lever * load / 1.2]
+
+    def stops(t, y):
+        return feet(y)[2]
+
+    stops.terminal = True
+    run = solve_ivp(
+        slope, (0, 0.3), [0, 0, speed, 0], "DOP853", events=stops, rtol=1e-12, atol=1e-13, dense_output=True
+    )
+    times = np.asarray(motion.t)
+    slides = times < run.t[-1]
+    path = run.sol(times[slides])
+    np.testing.assert_allclose(motion.qd[slides][:, [0, 4]], path[2:].T, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(motion.q[slides, 0], path[0], rtol=0, atol=1e-8)
+    assert run.status == 1 and np.all(np.asarray(motion.sense)[~slides][:, [0, 6]] == 0)
+    for foot, word in (("f0", "carries"), ("f1", "open"), ("f2", "open"), ("f3", "carries")):
+        assert set(motion.contacts[foot]) == {word}
+
+
 def test_friction_in_several_directions_beside_contacts_is_that_of_contacts():
     """A foot that cannot lift has no law of impulses."""
     top = rx.spatial.Body("top", MASS, inertia=(1.0, 1.2, SPIN), centre=(0.0, 0.0, HEIGHT))
