@@ -20,13 +20,13 @@ from jaxtyping import Array
 
 from .._bodies._joints import AngleCoupling
 from .._bodies._mechanism import Mechanism
-from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, constant, elasticity
+from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, constant, elasticity, without_rows
 from .._closures._play import without_play
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._equations._rank import Spectrum, Split, split
-from .._solve._contacts import as_held, without_rows
+from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._system._contact import LEFT_OUT, rows_that_hold

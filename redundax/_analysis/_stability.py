@@ -26,10 +26,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Complex, Float
 
-from .._closures._closure import AbstractClosure, Elasticity, check_closure, elasticity
+from .._closures._closure import AbstractClosure, Elasticity, check_closure, elasticity, without_rows
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
-from .._solve._contacts import as_held, without_rows
+from .._solve._contacts import as_held
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._contact import Contact, code_of, refuse_declared, rows_that_hold

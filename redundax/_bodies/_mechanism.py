@@ -358,6 +358,10 @@ class Mechanism(AbstractSystem):
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)
 
+    @property
+    def kept(self) -> Array | None:
+        return self._kept
+
     def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
         joints = [name for members in self._friction for name in members.joints]
         for name in factors:

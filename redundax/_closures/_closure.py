@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float, Integer
+from jaxtyping import Array, Bool, Float, Integer
 
 from .._equations._matrices import matrices_of
 from .._sparse._symbolic import Symbolic
@@ -29,7 +29,7 @@ from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_float, positive
 from .._tools._no_answer import nan_where
-from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, xp
+from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, or_one, xp
 from .._tools._value import AbstractModule
 from ._play import Play, refuse_play
 
@@ -98,6 +98,20 @@ class Elasticity(NamedTuple):
     misfit: Float[Array, " m"] | Float[Array, ""]
 
 
+def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
+    """The closure of the other rows: what is left out is coupled with none and fits."""
+    compliance, misfit = elasticity
+    own = xp.diagonal(compliance)
+    alone = xp.where(own > 0, own, or_one(xp.max(own)))
+    both = kept[:, None] & kept
+    return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
+
+
+def of_kept_rows(elasticity: Elasticity, system: AbstractSystem) -> Elasticity:
+    """The closure of the rows that hold where contacts are open for good, and none is left that closes."""
+    return elasticity if system.kept is None or system.names.one_sided else without_rows(elasticity, system.kept)
+
+
 def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, play: bool = False) -> Elasticity:
     """Compliance and misfit at a state, checked; of one with play where the call knows it.
 
@@ -118,7 +132,7 @@ def _by_matrix(closure: AbstractClosure, system: AbstractSystem, state: State, *
             f"Argument `closure` must give a compliance of shape (m, m) = ({m}, {m}) and a misfit that is a number or "
             f"has shape ({m},), but gives {compliance.shape} and {misfit.shape}. Change what its `compliance` returns."
         )
-    return Elasticity(compliance, xp.broadcast_to(misfit, (m,)) if whole else misfit)
+    return of_kept_rows(Elasticity(compliance, xp.broadcast_to(misfit, (m,)) if whole else misfit), system)
 
 
 @of_model

@@ -18,13 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .._closures._closure import AbstractClosure, Elasticity, elasticity
+from .._closures._closure import AbstractClosure, Elasticity, elasticity, without_rows
 from .._closures._play import Play
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._kinematics import chart_rate, displacement, prescribed_rate
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
-from .._solve._contacts import without_rows
 from .._solve._play import at_own_sides
 from .._solvers._friction_problem import AbstractFrictionProblem, Law
 from .._solvers._product_problem import friction_problem

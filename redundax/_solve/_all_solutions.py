@@ -13,7 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity, without_rows
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._factorize import dense_at
 from .._solvers._continuation import Continuation
@@ -27,7 +27,7 @@ from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._module import floats, replace_fields
 from .._tools._numbers import Numeric, computed, or_one, xp
-from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows, without_rows
+from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows
 from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve, solve_factorised

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._closures._closure import Elasticity
+from .._closures._closure import Elasticity, without_rows
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._gaps import model_of_all
 from .._equations._kinematics import Model
@@ -55,15 +55,6 @@ class ActiveSet(NamedTuple):
 def all_kept(m: int) -> ActiveSet:
     """That of a system without contacts."""
     return ActiveSet(xp.ones(m, bool), xp.zeros((), int), xp.ones((), bool), None, None)
-
-
-def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
-    """The closure of the other rows: what is left out is coupled with none and fits."""
-    compliance, misfit = elasticity
-    own = xp.diagonal(compliance)
-    alone = xp.where(own > 0, own, 1.0)
-    both = kept[:, None] & kept
-    return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
 
 
 def with_rows(elasticity: Elasticity, kept: Bool[Array, " m"], of_all: Elasticity) -> Elasticity:

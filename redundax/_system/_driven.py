@@ -99,6 +99,11 @@ class Driven(AbstractSystem):
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, base=self.base.opened(kept[: len(self.base.rows)]))
 
+    @property
+    def kept(self) -> Array | None:
+        own = self.base.kept
+        return None if own is None else jnp.pad(own, (0, len(self.laws)), constant_values=True)
+
     def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
         return replace_fields(self, base=self.base.rubbing(factors))
 

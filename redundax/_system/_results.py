@@ -20,6 +20,7 @@ class _Words(type(eqx.Enumeration)):
     """An enumeration that tells of a batch how many ended in which way."""
 
     def __getitem__(cls, item: Any) -> str:
+        item = jax.tree.map(lambda code: np.asarray(code) if isinstance(code, np.generic | int) else code, item)
         codes = next(iter(jax.tree.leaves(item)), None)
         if not isinstance(codes, np.ndarray | jax.Array) or not is_concrete(codes) or codes.ndim == 0:
             return type(eqx.Enumeration).__getitem__(cls, item)  # pyright: ignore[reportCallIssue]

@@ -267,6 +267,11 @@ class AbstractSystem(AbstractModule):
         )
 
     @property
+    def kept(self) -> Bool[Array, " m"] | None:
+        """The rows that it was not `opened` in; None for all."""
+        return None
+
+    @property
     @abc.abstractmethod
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
@@ -494,6 +499,10 @@ class System(AbstractSystem):
 
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)
+
+    @property
+    def kept(self) -> Array | None:
+        return self._kept
 
     @property
     def length(self) -> Array:

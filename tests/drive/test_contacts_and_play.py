@@ -127,3 +127,18 @@ def test_a_stop_that_is_open_bears_nothing_until_it_is_reached():
     assert run.peak["A.angle"] == pytest.approx(torque.max(), rel=1e-9) and run.peak_time["A.angle"] == 0
     assert run.rms["A.angle"] == pytest.approx(np.sqrt(np.trapezoid(torque**2, ts[:-1]) / 0.9), rel=1e-9)
     assert run.energy["A.angle"] == pytest.approx(np.trapezoid(torque * 4.2 * ts[:-1], ts[:-1]), rel=1e-9)
+
+
+def test_guides_of_given_stiffness_share_a_load_beside_a_stop_that_is_open():
+    """The slider sinks by u and turns by w, until guides at x bear its weight: (u + x w) / c up and w / r against."""
+    x, (c, r) = np.array([0.06, -0.06]), np.array([[1e-8, 3e-8], [2e-6, 1e-6]])  # m, m/N, rad/(N m)
+    guides = [rx.Translational(f"K{k}", "s", "ground", (x[k], 0.0), (0.0, 0.0), (0.0, 1.0)) for k in range(2)]
+    stop, laws = rx.Stop("end", "K0.travel", most=5.0), {"K0.travel": rx.Polynomial([0.0, 1.0])}
+    machine = rx.Mechanism([rx.Body("s", 2.0, 0.01)], guides, couplers=[stop], gravity=(0.0, -G))
+    stiff = rx.ElasticJoints(machine, {f"K{k}": (c[k], r[k]) for k in range(2)})
+    balance = [[np.sum(1 / c), np.sum(x / c)], [np.sum(x / c), np.sum(x**2 / c + 1 / r)]]
+    u, w = np.linalg.solve(balance, [2 * G, 0.0])
+    run = rx.drive(machine, laws, np.linspace(0.0, 0.2, 3), {}, closure=stiff)
+    np.testing.assert_allclose(run["K0 force y on s"], (u + x[0] * w) / c[0], rtol=1e-9)
+    own = rx.solve(run.system, run.states[1], closure=stiff)
+    np.testing.assert_allclose(own["K1 force y on s"], (u + x[1] * w) / c[1], rtol=1e-9)

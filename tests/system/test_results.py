@@ -317,3 +317,9 @@ def test_a_print_shows_figures_and_words():
     assert f"{R.successful} {[R.stuck]}".startswith("redundax.RESULTS<successful> [redundax.RESULTS<The mechanism came")
     results = jax.tree.map(lambda *x: jnp.stack(x), R.successful, R.stuck, R.successful)
     assert str(results) == "redundax.RESULTS<2 successful, 1 stuck>"
+
+
+def test_one_result_of_many_has_its_message():
+    """Where a batch is known, an entry of it is a number of NumPy."""
+    of_all = jax.tree.map(lambda code: np.stack([code, code]), R.not_finite)
+    assert rx.RESULTS[jax.tree.map(lambda codes: codes[0], of_all)] == rx.RESULTS[R.not_finite]

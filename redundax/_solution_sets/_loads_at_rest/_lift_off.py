@@ -16,10 +16,10 @@ import numpy as np
 
 from ..._analysis._outputs import plain
 from ..._bodies._loads import AbstractLoad
-from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, check_closure, elasticity
+from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, check_closure, elasticity, without_rows
 from ..._equations._factorisation import Factorisation, factorised
 from ..._equations._scaling import Scaling, largest_violation
-from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains, without_rows
+from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains
 from ..._solve._solve import solve
 from ..._system._contact import Contact, code_of, words
 from ..._system._names import ByName, unit_of
