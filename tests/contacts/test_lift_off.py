@@ -78,6 +78,8 @@ def test_a_push_at_a_point_is_a_load():
         rx.limit_load(mechanism, still, rx.AppliedForce("table", force=(1.0, 0.0)))
     with pytest.raises(ValueError, match="desk"):
         rx.lift_off(mechanism, still, rx.spatial.AppliedForce(rx.spatial.Body("desk", 1.0, inertia=(1, 1, 1))))
+    with pytest.raises(ValueError, match="must not be zero"):
+        rx.limit_load(mechanism, still, rx.spatial.AppliedForce(top))
     with pytest.raises(ValueError, match="or a load of mechanisms"):
         rx.lift_off(mechanism, still, "table")
 

@@ -30,4 +30,6 @@ def added_load(system: AbstractSystem, state: State, load: ByName | AbstractLoad
         )
     found: Numeric = as_numbers(force)
     finite("load", found)
+    if not found.any():
+        raise RedundaxError("Argument `load` must not be zero: multiples of it are asked for. Give a force, N or N m.")
     return found
