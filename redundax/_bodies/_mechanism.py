@@ -19,7 +19,7 @@ from .._sparse._symbolic import Symbolic
 from .._system._axis import Axis, join
 from .._system._names import Names, index_of
 from .._system._state import State
-from .._system._system import AbstractSystem, Path, among
+from .._system._system import AbstractSystem, Path, among, check_system_at
 from .._system._units import Units, stated
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -450,6 +450,7 @@ class Mechanism(AbstractSystem):
             mechanism.load_of(rx.AppliedForce("1", force=(0.0, -1.0), point=(0.1, 0.0)), state)
             ```
         """
+        check_system_at(self, state)
         check_kind("load", load, AbstractLoad, "a load", "Give an `AppliedForce`, say.")
         check_ends(self.names.bodies, load=[load])
         if type(load.frame) is not type(self.frame):

@@ -102,7 +102,7 @@ def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
     """The closure of the other rows: what is left out is coupled with none and fits."""
     compliance, misfit = elasticity
     own = xp.diagonal(compliance)
-    alone = xp.where(own > 0, own, or_one(xp.max(own)))
+    alone = xp.where(own > 0, own, or_one(xp.max(own, initial=0.0)))
     both = kept[:, None] & kept
     return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
 

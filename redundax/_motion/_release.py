@@ -99,7 +99,7 @@ class _Course(NamedTuple):
 def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
     """The motion from a release on, for a while; where it is if there is none."""
     if len(cast(Directions, release.equations.directions).joints) > 1:  # one goes against what holds it, known there
-        release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release), lambda: release)
+        release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release, end), lambda: release)
     t, y, sense = release.t, release.y, release.equations.sense
     none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
     wanted = jnp.any(release.joints)
@@ -121,7 +121,7 @@ def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance:
     return jax.lax.cond(batch_any(wanted), begun, lambda: none)
 
 
-def _at_limit(release: Release) -> Release:
+def _at_limit(release: Release, end: Array) -> Release:
     """The release at the instant at which loads reach what friction holds, with the directions in which slips begin.
 
     (t0, w) by Newton's method, where F does not change with the size of w:
@@ -170,10 +170,12 @@ def _at_limit(release: Release) -> Release:
     begin = sized(_together(directions, fixed, joints, part))
     way, weights, rise, missed = jax.lax.fori_loop(0, _TURNS, turn, (begin, begin, begin, t))
     slope, most = weights @ rise, _SOON * fixed.scaling.size / fixed.speed
-    soon = jnp.abs(weights @ slips(fixed, t, y, way)) <= most * jnp.abs(slope)
+    late = -(weights @ slips(fixed, t, y, way)) / jnp.where(slope == 0, 1.0, slope)
+    soon = (jnp.abs(late) <= most) & (t + late <= stop_gradient(end))
     found = jnp.any(wanted) & (missed <= tolerance_of(_AGREES, t)) & soon & (slope != 0)
     weights, slope = jnp.where(found, weights, 0.0), jnp.where(found, slope, 1.0)
     shift = -(weights @ slips(equations, release.t, release.y, jnp.where(found, way, begin))) / slope
+    shift = jnp.where(found, shift, 0.0)
     there = jax.tree.map(lambda x, slope: x + shift * slope, release.y, change)
     after, there = jax.tree.map(
         lambda x: without_derivative(jnp.any(wanted) & ~found, x), (release.t + shift, rechart(fixed.system, there)[0])

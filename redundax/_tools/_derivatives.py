@@ -60,12 +60,14 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
         return inside(*given[0], **given[1])
 
     def gone(way: int, *given: PyTree) -> PyTree:
-        is_traced = any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(given))  # in a batch, say
-        return (beside if is_traced else alone)[way](*given)
+        leaves = jax.tree.leaves(given)  # traced in a batch, say; NumPy knows no weak types
+        is_beside = any(isinstance(x, jax.core.Tracer) or getattr(x, "weak_type", False) for x in leaves)
+        return (beside if is_beside else alone)[way](*given)
 
     @differentiated.def_fwd
     def _forward(perturbed: PyTree, given: PyTree) -> PyTree:
-        return gone(0, *eqx.partition(given, perturbed))
+        moved, fixed = eqx.partition(given, perturbed)
+        return gone(0, jax.tree.map(jnp.asarray, moved), fixed)
 
     @differentiated.def_bwd
     def _backward(residuals: PyTree, grad: PyTree, perturbed: PyTree, given: PyTree) -> PyTree:

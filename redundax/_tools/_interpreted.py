@@ -135,15 +135,18 @@ class Interpreted:
         if name in _RESHAPES and of[0].shape == to[0].shape:
             return taken
         key = name, *taken, *parameters.items(), *((x.dtype, x.shape) for x in to)
-        made = self._once(key, lambda: self._ruled(RULES[name](parameters, of, to), taken, count))
-        self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
+        is_large = any(x.size > _LARGE for x in (*of, *to))
+        made = self._once(key, lambda: self._ruled(RULES[name](parameters, of, to), taken, count, is_large))
+        self._large.update(k for k, x in zip(made, to, strict=True) if x.size > _LARGE)
         return made
 
-    def _ruled(self, rule: Computed | AtPlaces, taken: list[int], count: int) -> list[int]:
+    def _ruled(self, rule: Computed | AtPlaces, taken: list[int], count: int, is_large: bool) -> list[int]:
         if not isinstance(rule, AtPlaces):
             return self._made(rule, taken, count)
         array, places, *new = taken
-        return self._made(rule.function, [array, *self._made(rule.places, [places], 1), *new], count)
+        at = self._made(rule.places, [places], 1)
+        self._large.update(at if is_large else ())
+        return self._made(rule.function, [array, *at, *new], count)
 
     def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
         opened = [_Inner(branch, self._options, self._loops, self._times) for branch in branches]

@@ -1,11 +1,14 @@
 """Words of messages: near names, values cut short, and text without signs that would act on a terminal."""
 
 import difflib
+import heapq
+import operator
 import reprlib
 import unicodedata
 from collections.abc import Iterable
 
 _ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode: control, format (as of direction), halves, line ends
+_SAME = 0.1  # what the same first word adds to how near a name is
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict, _SHORT.maxstring, _SHORT.maxother = 2, 4, 4, 60, 60
 
@@ -16,13 +19,13 @@ def short(value: object) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question about near names, first of those with the same first word, such as a joint; a space behind it.
-
-    Nothing where none is near.
-    """
-    known = list(known)
-    same = [each for each in known if each.split(" ")[0] == name.split(" ")[0]]
-    near = difflib.get_close_matches(name, same, 3, 0.5) or same[:3] or difflib.get_close_matches(name, known, 3, 0.5)
+    """A question about near names, those with the same first word, such as a joint, before others as near; a space
+    behind it. Nothing where none is near."""
+    known, word = list(known), name.split(" ")[0]
+    ratios = [(difflib.SequenceMatcher(None, each, name).ratio(), each) for each in known]
+    ranked = [(ratio + _SAME * (each.split(" ")[0] == word), each) for ratio, each in ratios if ratio >= 0.5]
+    near = [each for _, each in heapq.nlargest(3, ranked, key=operator.itemgetter(0))]
+    near = near or [each for each in known if each.startswith(f"{name} ")][:3]
     return f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
 
 

@@ -231,6 +231,8 @@ def test_near_names_are_those_of_the_same_joint():
     known = ["rod.x''", "B force y on rod", "C force x on rocker", "C force y on rocker"]
     assert did_you_mean("C force y on rod", known).startswith("Did you mean 'C force y on rocker' or")
     assert did_you_mean("C", known) == "Did you mean 'C force x on rocker' or 'C force y on rocker'? "
+    assert did_you_mean("base link", ["base plate", "base_link"]).startswith("Did you mean 'base_link'")
+    assert did_you_mean("xyzzy", known) == ""
     assert did_you_mean("rod.z''", known).startswith("Did you mean \"rod.x''\"")
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import redundax as rx
 from redundax._bodies._space._rotation import rotation, times
-from redundax._tools import _compilation
+from redundax._tools import _compilation, _numbers
 from redundax._tools._compilation import compiled, quick_options
 from redundax._tools._derivatives import once_in_reverse
 
@@ -246,6 +246,17 @@ def test_reverse_mode_alone_has_the_derivatives_of_the_function():
     many = jax.vmap(both, in_axes=(0, None))(jnp.stack([x, 2 * x]), y)
     np.testing.assert_allclose(many[0], [y + 2 * x * np.eye(3)[0], y + 4 * x * np.eye(3)[0]])
     np.testing.assert_allclose(many[1], [x, 2 * x])
-    np.testing.assert_allclose(jax.grad(lambda x: turned(x))(x), jax.jit(jax.grad(turned))(x), rtol=1e-14)
+    assert jax.grad(lambda c: summed(c, y, times=2)["sum"])(2.0) == 10.0  # by a number of Python
+    weak, single = jax.jit(lambda: 2.0)(), jnp.ones(2, jnp.float32)
+    out, back = jax.vjp(lambda x: summed(x, weak, times=2)["sum"], single)
+    assert (out.dtype, back(out)[0].dtype) == (jnp.float32, jnp.float32)
     held = jax.grad(lambda c: once_in_reverse(lambda x: jnp.sum(c * x))(c * x))
     np.testing.assert_allclose(held(2.0), 24.0)  # by what the function holds, too
+
+
+def test_a_first_gradient_in_reverse_compiles_neither_way(monkeypatch):
+    x = jnp.array([0.3, 1.2, -0.5])
+    with monkeypatch.context() as patch:
+        patch.setattr(_numbers._Traced, "program", property(lambda self: pytest.fail("compiled")))
+        found = jax.grad(turned)(x)
+    np.testing.assert_allclose(found, jax.jit(jax.grad(turned))(x), rtol=1e-14)

@@ -20,7 +20,7 @@ def added_load(system: AbstractSystem, state: State, load: ByName | AbstractLoad
     force = None
     if isinstance(load, AbstractLoad):
         force = system.load_of(load, state) if isinstance(system, Mechanism) else None
-    elif isinstance(load, Mapping) or (np.ndim(load) == 1 and np.asarray(load).dtype != object):
+    elif isinstance(load, Mapping) or _is_vector(load):
         force = vector("load", load, system.coordinates, " of coordinates")
     if force is None:
         of_mechanism = ", or a load of mechanisms, such as an `AppliedForce`" if isinstance(system, Mechanism) else ""
@@ -33,3 +33,11 @@ def added_load(system: AbstractSystem, state: State, load: ByName | AbstractLoad
     if not found.any():
         raise RedundaxError("Argument `load` must not be zero: multiples of it are asked for. Give a force, N or N m.")
     return found
+
+
+def _is_vector(load: object) -> bool:
+    try:
+        array = np.asarray(load)
+    except ValueError:  # rows of different length
+        return False
+    return array.ndim == 1 and array.dtype != object

@@ -79,7 +79,7 @@ class LoadsAtRest:
 
         def matters(bound: float) -> bool:
             least = max(best.value, beyond)
-            return bound > -np.inf and (least == -np.inf or bound > least + _GAP * max(1.0, abs(least)))
+            return bool(bound > -np.inf and (least == -np.inf or bound > least + _GAP * max(1.0, abs(least))))
 
         while queue and matters(queue[0].bound) and solved < self.most and not (first and best.x is not None):
             node = heapq.heappop(queue)
