@@ -261,7 +261,7 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
     strides = np.cumprod([1, *operand.shape[:0:-1]])[::-1]
     most = np.subtract(operand.shape, sizes)[list(along)]
 
-    def entries(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    def entries(places: Entries) -> tuple[Entries, Entries]:
         lost = None
         if places.size and (beyond := (places < 0) | (places > most)).any():
             lost = beyond.any(axis=-1) if "FILL" in str(mode) else None
@@ -288,7 +288,7 @@ def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
         is_whole, unsigned = np.issubdtype(dtype, np.integer), np.issubdtype(dtype, np.unsignedinteger)
         fill = _ends(dtype)[unsigned] if is_whole else np.nan
 
-    def gather(x: Entries, places: tuple[np.ndarray, np.ndarray | None]) -> np.ndarray:
+    def gather(x: Entries, places: tuple[Entries, Entries]) -> Entries:
         found, lost = places
         out = x.take(found)
         return out if lost is None else np.where(lost, np.asarray(fill, out.dtype), out)
@@ -313,7 +313,7 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., AtPlaces]
         axes = numbers.scatter_dims_to_operand_dims, without, *batches
         entries = _entries(axes, operand, sizes, within, parameters["mode"])
 
-        def scatter(x: Entries, places: tuple[np.ndarray, np.ndarray | None], new: Entries) -> np.ndarray:
+        def scatter(x: Entries, places: tuple[Entries, Entries], new: Entries) -> np.ndarray:
             out = np.array(x, order="C")  # so that its entries in one row are no copy
             found, lost = places
             setting(out.reshape(-1), *((found, new) if lost is None else (found[~lost], new[~lost])))
