@@ -123,7 +123,7 @@ class Mechanism(AbstractSystem):
         check_kinds(bodies, joints, loads, couplers)
         names = [body.name for body in bodies]
         check_names(names, joints, loads, couplers)
-        check_frames(bodies, [*joints, *loads])
+        check_frames(bodies[0].frame, "bodies", *bodies, *joints, *loads)
         warn_of_large_pins(joints)
         if pose is not None and not callable(pose):
             raise RedundaxError(
@@ -453,11 +453,7 @@ class Mechanism(AbstractSystem):
         check_system_at(self, state)
         check_kind("load", load, AbstractLoad, "a load", "Give an `AppliedForce`, say.")
         check_ends(self.names.bodies, load=[load])
-        if type(load.frame) is not type(self.frame):
-            raise RedundaxError(
-                f"Argument `load` must be {self.frame.word}, as the mechanism, but is {load.frame.word}. Take it from "
-                f"`{'rx.spatial' if self.frame.word == 'spatial' else 'rx'}`."
-            )
+        check_frames(self.frame, "load", load)
         own = stacks([load], self.names.bodies)[0]
         bare = replace_fields(self.body, mass=0.0 * self.body.mass, inertia=0.0 * self.body.inertia)
         return replace_fields(self, loads=own, body=bare, armature=()).load(state)

@@ -6,6 +6,7 @@ from types import UnionType
 from .._tools._errors import RedundaxError
 from ._body import GROUND, AbstractBody
 from ._coupler import Coupler, Stop
+from ._frame import AbstractFrame
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._speed_driver import SpeedDriver
@@ -33,15 +34,14 @@ def check_kinds(bodies: object, joints: object, loads: object, couplers: object)
                 )
 
 
-def check_frames(bodies: Sequence[AbstractBody], elements: Sequence[AbstractJoint | AbstractLoad]) -> None:
-    """Refuse a mechanism of planar and of spatial parts."""
-    frame = type(bodies[0].frame)
-    for element in (*bodies, *elements):
-        if type(element.frame) is not frame:
+def check_frames(frame: AbstractFrame, what: str, *elements: AbstractBody | AbstractJoint | AbstractLoad) -> None:
+    """Refuse planar parts of a spatial mechanism, and spatial parts of a planar."""
+    for element in elements:
+        if type(element.frame) is not type(frame):
             here = "rx.spatial" if frame.word == "spatial" else "rx"
             raise RedundaxError(
-                f"Argument `bodies`: a mechanism must be all planar or all spatial, but {_words(bodies[0])} is "
-                f"{frame.word} and {_words(element)} {element.frame.word}. Take all parts from `{here}`."
+                f"Argument `{what}`: a mechanism must be all planar or all spatial, but {_words(element)} is "
+                f"{element.frame.word} and its first body {frame.word}. Take all parts from `{here}`."
             )
 
 

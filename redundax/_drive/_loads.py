@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import AbstractClosure, Elasticity, of_kept_rows
+from .._closures._closure import AbstractClosure, elasticity
 from .._equations._kinematics import along_motion, constraint_motion, slip_motion
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
@@ -121,7 +121,7 @@ def loads(
 ) -> Loads:
     """Loads of a motion, for each of some senses of slip where joints rest; batched by these."""
     (closure, solver), state = choices, State(at.q, at.qd, t)
-    W, d = of_kept_rows(Elasticity(*closure.compliance(system, state)), system)
+    W, d = elasticity(closure, system, state, play=True)  # `drive` asks times with play again, one by one
     softness = held.softness(W / scale.rows[:, None] / scale.rows)
     misfit = jnp.broadcast_to(jnp.asarray(d, W.dtype), scale.rows.shape) / scale.rows
     need = scale.coordinates * (system.load(state) - system.mass(state.q, t) @ at.acceleration)

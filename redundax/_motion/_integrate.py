@@ -30,7 +30,7 @@ from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
@@ -145,18 +145,19 @@ def _integrate(
 
 _dense = on_numbers(_integrate)
 _forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
-_sparse = as_program(_integrate, in_order=True)
+_sparse, _sparse_reverse = as_program(_integrate, LARGE), as_program(_integrate, LARGE, traced=once_in_reverse)
 
 
 def integrate(
     system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    adjoint = course.adjoint
-    forward = _forward if isinstance(adjoint, diffrax.ForwardMode) else _dense
-    dense = _reverse if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint) else forward
-    run = matrices_of(system).run(dense, _sparse)
-    return run(system, state, factor, closure, course)
+    dense, sparse = _dense, _sparse
+    if isinstance(course.adjoint, diffrax.ForwardMode):
+        dense = _forward
+    elif isinstance(course.adjoint, diffrax.RecursiveCheckpointAdjoint):
+        dense, sparse = _reverse, _sparse_reverse
+    return matrices_of(system).run(dense, sparse)(system, state, factor, closure, course)
 
 
 def _with_contacts(

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ._compilation import in_little_time, quick_options
-from ._numbers import as_program
+from ._numbers import REVERSE, as_program
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -52,7 +52,7 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
     NumPy computes at first where nothing is traced around them."""
     inside = eqx.filter_jit(function)
     forth = functools.partial(_forth, function)
-    alone = as_program(forth, in_reverse=True), as_program(_back, in_reverse=True)
+    alone = as_program(forth, REVERSE), as_program(_back, REVERSE)
     beside = eqx.filter_jit(forth), eqx.filter_jit(_back)
 
     @eqx.filter_custom_vjp

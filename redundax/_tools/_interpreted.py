@@ -293,8 +293,11 @@ def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
 
 
 def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
-    first, length, number = (parameters[name] for name in ("num_consts", "length", "num_carry"))
-    body, last = _Inner(parameters["jaxpr"], held=first), first + number
+    if "ft_in" in parameters:  # newer JAX
+        first, number, _ = map(len, parameters["ft_in"].unpack())
+    else:
+        first, number = parameters["num_consts"], parameters["num_carry"]
+    body, length, last = _Inner(parameters["jaxpr"], held=first), parameters["length"], first + number
     if not length:
         raise NoRuleError
 

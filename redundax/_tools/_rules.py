@@ -474,6 +474,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "maybe_set": _maybe_set,
     "pad": _pad,
     "platform_index": _of_platform,
+    "polynomial": _as_it_is(lambda x, *factors: functools.reduce(lambda sum_, a: sum_ * x + a, reversed(factors))),
     "pow": _power,
     "qr": qr,
     "reduce_and": _along(np.logical_and),

@@ -1,9 +1,11 @@
-"""A line on the terminal where compiling a program of redundax takes long: what, why, and how long so far."""
+"""A line on the terminal where compiling, or a search, takes long: what, why, and how long so far."""
 
+import contextlib
 import inspect
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -72,6 +74,24 @@ def _tell(call: str, watch: dict[str, Any]) -> None:
     if not getattr(jax.config, "jax_compilation_cache_dir", None):
         text += " rx.keep_programs() keeps programs for the next."
     print(text, file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def telling_of(work: str) -> Iterator[None]:
+    """Tell of other work that takes long; `work` says what it is, and what ends it."""
+    call, patience = _call(), PATIENCE
+
+    def tell() -> None:
+        print(f"redundax: {call}: {patience:.0f} s so far: {work}.", file=sys.stderr, flush=True)
+
+    alarm = threading.Timer(patience, tell)
+    alarm.daemon = True
+    if sys.stderr.isatty():
+        alarm.start()
+    try:
+        yield
+    finally:
+        alarm.cancel()
 
 
 def tell_of_long_compiling() -> None:

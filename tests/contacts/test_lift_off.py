@@ -74,7 +74,7 @@ def test_a_push_at_a_point_is_a_load():
     spinning = rx.State(still.q, jnp.arange(1.0, 7.0))  # inertia is no part of a load
     np.testing.assert_allclose(mechanism.load_of(aside, spinning)[:3], [1, 0, 0], atol=1e-15)
     np.testing.assert_allclose(mechanism.load_of(aside, spinning)[3:], [0, 1.4 - 0.7, 0], rtol=1e-14)
-    with pytest.raises(ValueError, match=r"Argument `load` must be spatial.*`rx.spatial`"):
+    with pytest.raises(ValueError, match=r"Argument `load`: .* is planar and its first body spatial.*`rx.spatial`"):
         rx.limit_load(mechanism, still, rx.AppliedForce("table", force=(1.0, 0.0)))
     with pytest.raises(ValueError, match="desk"):
         rx.lift_off(mechanism, still, rx.spatial.AppliedForce(rx.spatial.Body("desk", 1.0, inertia=(1, 1, 1))))

@@ -52,3 +52,10 @@ def test_no_word_without_a_terminal(capsys, monkeypatch):
     monkeypatch.setattr(_waiting, "PATIENCE", 0.0)
     assembled(3.25)
     assert not capsys.readouterr().err
+
+
+def test_a_search_names_what_ends_it(monkeypatch):
+    told = at_a_terminal(monkeypatch)
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    rx.limit_load(mechanism, mechanism.state(phi=0.8, rate=0.0), {"1.phi": 1.0}, nodes=300)
+    assert "redundax: limit_load: 0 s so far: linear programmes, at most 300 for each range of amounts" in told()

@@ -7,6 +7,7 @@ import numpy as np
 from ..._equations._factorisation import Factorisation
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._tools._waiting import telling_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
 from ._extreme import LoadsAtRest
@@ -50,11 +51,12 @@ def bands_at_rest(
 
     Of the first `both` outputs; of those that follow the least values alone.
     """
-    found = standing(system, state, factor, solutions, cases)
-    loads = LoadsAtRest(found.programme, most=most)
-    stands = _stands(found, loads, most)
-    largest = np.where(np.arange(len(matrix))[:, None] < both, matrix, 0.0)
-    ends = [_ends(found, loads, part, stands) for part in (-matrix, largest)]
+    with telling_of(f"linear programmes, at most {most} for each end, as `nodes` says"):
+        found = standing(system, state, factor, solutions, cases)
+        loads = LoadsAtRest(found.programme, most=most)
+        stands = _stands(found, loads, most)
+        largest = np.where(np.arange(len(matrix))[:, None] < both, matrix, 0.0)
+        ends = [_ends(found, loads, part, stands) for part in (-matrix, largest)]
     lower = ends[0]._replace(value=-ends[0].value, bound=-ends[0].bound)
     return BandsAtRest(lower, ends[1], stands)
 

@@ -29,6 +29,7 @@ from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, computed, xp
 from ..._tools._table import text_of
+from ..._tools._waiting import telling_of
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
@@ -210,7 +211,8 @@ def limit_load(
         all_cases = [cases_of(Pushing(), system, state, report, solutions)]
         parameters, box = (), np.zeros((0, 2))  # no case matters
     given = AddedLoad(start, own, _scale(solutions, all_cases[0], start, own)), np.asarray(force)
-    ends = [_end(sign, system, state, factor, solutions, all_cases, given, nodes) for sign in (-1.0, 1.0)]
+    with telling_of(f"linear programmes, at most {nodes} for each range of amounts, as `nodes` says"):
+        ends = [_end(sign, system, state, factor, solutions, all_cases, given, nodes) for sign in (-1.0, 1.0)]
     multipliers = np.stack([end.multipliers for end in ends])
     words = dict(zip(names.one_sided, names.contacts, strict=True))
     return LimitLoad(
