@@ -216,7 +216,7 @@ def _course(system: AbstractSystem, state: State, chosen: Elasticity, force: Num
     def from_on(amount: float) -> ActiveSet:
         def of_set(_: object, __: object, ___: object, kept: Numeric) -> tuple:
             own = of_rows(kept)
-            return own.factor, own.at(amount), own.closure, own.found
+            return own.factor, own.at(amount), own.closure, np.bool_(own.found)
 
         active = active_set(system, state, chosen, of_set, Asked(closed, closed, at, xp.zeros((), bool), taken))
         if not active.settled:
