@@ -144,7 +144,11 @@ class Control(NamedTuple):
 
 
 class Controller(diffrax.AbstractAdaptiveStepSizeController):
-    """Steps by the errors of verdicts, up to events, and from there on as at first."""
+    """Steps by the errors of verdicts, up to events, and from there on as at first.
+
+    Where they end has no derivatives but at events: if all ends moved with the last event, a kink of a load in time
+    would move through its step the other way, and derivatives be off by as much as one by the time of the kink is.
+    """
 
     controller: diffrax.PIDController
     first: Float[Array, ""]
