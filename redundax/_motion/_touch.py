@@ -108,13 +108,15 @@ def margins(
     into = ((jacobian @ solved.acceleration - motion.gamma) / scale.rows)[rows] / or_one(size)
     near, slow = (jnp.where(within, tolerance_of(_WITHIN, gap), tolerance_of(own, gap)) for own in (GAP, NONE))
     parts = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
-    moves = jnp.where(holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates), jnp.inf, jnp.max(jnp.stack(parts), 0) - 1)
+    moves = jnp.where(
+        holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates),
+        jnp.inf,
+        jnp.max(jnp.stack(parts), 0) - 1,
+    )
     return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left, moves)
 
 
-def _decided(
-    factor: HeldFactorisation, contacts: Float[Array, "c n"], sizes: Float[Array, " n"]
-) -> Bool[Array, " c"]:
+def _decided(factor: HeldFactorisation, contacts: Float[Array, "c n"], sizes: Float[Array, " n"]) -> Bool[Array, " c"]:
     """Which contacts move with the rows that hold."""
     left = contacts - (contacts @ factor.response) @ factor.held_inverse(factor.rows)
     whole, free = (jnp.linalg.norm(each * sizes, axis=1) for each in (contacts, left))
