@@ -6,10 +6,10 @@ only touches, because the others hold it closed, where the closure would load it
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
 passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
-each other, X^T gamma beyond rounding, have no loads that could pass zero. An open contact that the rows that hold decide,
-as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and acceleration.
-Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that one
-program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
+each other, X^T gamma beyond rounding, have no loads that could pass zero. An open contact that the rows that hold
+decide, as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and
+acceleration. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that
+one program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
 """
 
 from collections.abc import Callable
@@ -107,12 +107,9 @@ def margins(
     left = jnp.where(holds, 2 * tolerance_of(TAKEN, gap) - taken, jnp.inf)
     into = ((jacobian @ solved.acceleration - motion.gamma) / scale.rows)[rows] / or_one(size)
     near, slow = (jnp.where(within, tolerance_of(_WITHIN, gap), tolerance_of(own, gap)) for own in (GAP, NONE))
-    parts = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
-    moves = jnp.where(
-        holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates),
-        jnp.inf,
-        jnp.max(jnp.stack(parts), 0) - 1,
-    )
+    each = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
+    idle = holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates)
+    moves = jnp.where(idle, jnp.inf, jnp.max(jnp.stack(each), axis=0) - 1)
     return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left, moves)
 
 

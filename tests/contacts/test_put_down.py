@@ -1,7 +1,7 @@
 """Parts that a driver puts down on a contact, or takes off it, however softly: loads are those of `solve` from then on.
 
-A weight of 3 kg on a driver along the vertical, above a foot: once it lies, driver and foot share all loads half by half,
-as equally compliant, for the driver does not move. A force presses on it by 30 (t - 0.6) N.
+A weight of 3 kg on a driver along the vertical, above a foot: once it lies, driver and foot share all loads half by
+half, as equally compliant. A force presses on it by 30 (t - 0.6) N.
 """
 
 import jax.numpy as jnp
@@ -95,3 +95,24 @@ def test_a_driver_that_touches_the_foot_and_rises_again_leaves_it_open():
     motion = rx.simulate(system, rx.State(jnp.array([0.05]), jnp.array([-0.2])), 1.0)
     assert set(motion.contacts["1"]) == {"open"} and motion.stats.phases == 1
     np.testing.assert_allclose(-motion.multipliers[:, 0], presses(motion) + 3 * 0.4, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_rough_feet_that_guides_leave_no_slip_have_no_friction_of_rounding():
+    """A block on two feet, level and held sideways: each bears half of all."""
+    block = rx.Body("block", 3.0, 0.1)
+    rough = {"friction": rx.Coulomb(0.5), "one_sided": True}
+    feet = [rx.PinInSlot(f"f{x}", "block", "ground", (x, 0.0), (0.0, 0.0), (0.0, 1.0), **rough) for x in (-0.3, 0.3)]
+    held = [
+        rx.PinInSlot("guide", "block", "ground", (0.0, 0.0), (0.0, 0.0), (1.0, 0.0)),
+        rx.AngleDriver("level", "block", "ground", 0.0),
+    ]
+
+    def press(i, j, t, p):
+        return i.wrench(jnp.stack([0.0 * t, -30 * jnp.maximum(t - 0.6, 0.0)]), i.pose.r), j.wrench(*[jnp.zeros(2)] * 2)
+
+    loads = [rx.LoadFunction("block", press)]
+    mechanism = rx.Mechanism([block], [*feet, *held], loads=loads, gravity=(0.0, -9.81))
+    motion = rx.simulate(mechanism, rx.assemble(mechanism, {}), 1.0)
+    np.testing.assert_allclose(motion.multipliers[:, :2], np.outer(presses(motion), [0.5, 0.5]), rtol=1e-9)
+    np.testing.assert_allclose(motion.friction, 0.0, atol=1e-9)
