@@ -23,7 +23,7 @@ from .._equations._factorisation import Factorisation
 from .._equations._gaps import model_of_all
 from .._equations._kinematics import prescribed_rate
 from .._equations._scaling import Scaling, largest_violation, scaling
-from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, of_rows
+from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, contradicted, of_rows, size_along
 from .._solvers._friction_problem import Law
 from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._friction import Friction, load_rows
@@ -141,7 +141,7 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     impulses, well, rubs = _struck(impact, system, (jacobian, right, scales), equations.speed)
     impulses = xp.where(strikes, impulses, 0.0)
     work = prescribed_rate(system.opened(xp.ones_like(end.kept)), state.q, state.t) @ impulses
-    sound = xp.ones((), bool) if equations.has_sense else ~differs(end.factor.result, RESULTS.successful)
+    sound = xp.ones((), bool) if equations.has_sense else _is_sound(end, (jacobian, end.factor.gamma, scales))
     rests = (end.active.contacts == code_of(Contact.touches)) & ~take(end.kept, rows) & end.active.decided
     mode, idle = end.solution.mode, xp.zeros(len(equations.sensed), bool)
     if mode is not None:
@@ -159,6 +159,17 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
         work,
         strikes,
     )
+
+
+def _is_sound(end: _Turn, at: tuple[Array, Array, Scaling]) -> Bool[Array, ""]:
+    """Whether the equations hold at an instant, but for what rows contradict each other where one has just been put
+    down or is about to be taken away."""
+    contradicts = (RESULTS.inconsistent_constraints, RESULTS.inadmissible_velocity, RESULTS.ambiguous_constraints)
+    off = xp.max(xp.abs(contradicted(end.kept, at, end.factor)))
+    little = off <= tolerance_of(TAKEN, off) * size_along(at, end.factor, end.solution)
+    result = end.factor.result
+    each = [~differs(result, RESULTS.successful), *(little & ~differs(result, each) for each in contradicts)]
+    return xp.any(xp.stack(each))
 
 
 def _struck(

@@ -61,6 +61,7 @@ class Course(AbstractModule):
     - `redundancy`: how many rows are redundant at the start, None where that is a traced number.
     - `singular`: whether the mass matrix may be singular.
     - `restitution`: of one-sided contacts; None where there are none.
+    - `jump_ts`: instants at which steps end, None if none are given.
     """
 
     t1: Float[Array, ""]
@@ -76,6 +77,7 @@ class Course(AbstractModule):
     redundancy: int | None = eqx.field(static=True)
     singular: bool = eqx.field(static=True)
     restitution: Float[Array, " c"] | None = None
+    jump_ts: Float[Array, " jumps"] | None = None
 
 
 def _integrate(
@@ -102,6 +104,7 @@ def _integrate(
         tolerance,
         ts,
         course.restitution,
+        course.jump_ts,
     )
     before = _before(equations, state, held, ts)
     if course.restitution is None:

@@ -21,6 +21,7 @@ from .._tools._module import batch_any
 from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
+from ._jumps import Jumping, next_jump
 from ._linear import Linear, least_friction
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
 from ._release import Release, set_out
@@ -33,8 +34,8 @@ from ._walk import Walk, walk
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the tolerance of a step, the end of the motion, the times asked for, and the restitution of
-    one-sided contacts."""
+    """Arguments of diffrax, the tolerance of a step, the times asked for, the restitution of one-sided contacts, and
+    instants at which steps end as loads or drivers jump there."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -45,6 +46,17 @@ class Options(NamedTuple):
     tolerance: Array
     ts: Float[Array, " times"]
     restitution: Float[Array, " c"] | None
+    jumps: Float[Array, " jumps"] | None
+
+    @property
+    def steps(self) -> Controller | Jumping:
+        """What controls the steps."""
+        return self.controller if self.jumps is None else Jumping(self.controller, self.jumps)  # pyright: ignore[reportCallIssue]
+
+    def end(self, t: Array) -> Array:
+        """Until when nothing jumps after a time, at most to the end of the motion."""
+        end = self.controller.end
+        return end if self.jumps is None else jnp.minimum(end, next_jump(self.jumps, t))
 
 
 class ImpactLog(NamedTuple):
@@ -215,7 +227,7 @@ def _steps(
     plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
     adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
     if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
-        return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
+        return walk(terms, stepper, options.steps, span, y, args, ts, options.max_steps)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
     solution = diffrax.diffeqsolve(
         terms,
@@ -225,7 +237,7 @@ def _steps(
         first,
         y,
         args,
-        stepsize_controller=options.controller,
+        stepsize_controller=options.steps,
         saveat=diffrax.SaveAt(subs=saved, solver_state=True, controller_state=True),
         adjoint=adjoint,
         max_steps=options.max_steps,
@@ -329,7 +341,7 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
     if done.contacts is not None:
         equations = equations.with_touch(done.contacts.touch)
     release = _release(done, equations, jnp.asarray(touches))
-    onward = set_out(release, options.controller.end, options.ts, options.tolerance)
+    onward = set_out(release, options.end(done.t), options.ts, options.tolerance)
     here, contacts = (options.ts > done.t) & (options.ts <= onward.t), done.contacts
     if contacts is not None:
         contacts = contacts._replace(path=_noted(here, contacts))

@@ -27,6 +27,7 @@ from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_kind, floats, is_concrete, numpy_of, positive, replace_fields
 from .._tools._numbers import stop_gradient
+from .._tools._words import short
 from ._radau_solver import Radau
 from ._stabilisation import AbstractStabilisation, Projection, check_stabilisation
 from ._times import Times, check_times
@@ -52,6 +53,7 @@ def simulate(
     ts: Numbers | None = None,
     rtol: ArrayLike | None = 1e-8,
     dt0: ArrayLike | None = None,
+    jump_ts: Numbers | None = None,
     max_steps: int = 100_000,
     max_phases: int = 32,
     rank: ArrayLike | None = None,
@@ -90,6 +92,8 @@ def simulate(
       so far, of their root mean square, in space of the largest; `None` for constant steps `dt0`, shorter only where
       one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
+    - `jump_ts`: instants at which loads or drivers jump or have a kink in time, in any order. Steps end there, and
+      derivatives by these instants are as accurate as others, not as the root of `rtol` alone.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
       Reverse mode takes time and memory for each, reached or not.
@@ -177,6 +181,7 @@ def simulate(
         redundancy=matrices.redundancy(factor) if bounces is None else None,
         singular=matrices.is_singular(system, state, factor),
         restitution=bounces,
+        jump_ts=None if jump_ts is None else _instants(jump_ts, t1),
     )
     trajectory = integrate(decided.anonymous, state, factor, for_motion(closure, system, state), course)
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
@@ -223,6 +228,17 @@ def _restitution(
             "speed after an impact over that before."
         )
     return values
+
+
+def _instants(jump_ts: Numbers, like: Array) -> Array:
+    """Instants at which steps end."""
+    given = floats(jump_ts, "jump_ts")
+    if given.ndim != 1 or (is_concrete(given) and not np.all(np.isfinite(np.asarray(given)))):
+        raise RedundaxError(
+            f"Argument `jump_ts` must be a vector of finite times, but is {short(jump_ts)}. Give "
+            "`jump_ts=[0.1, 1.1]`, say."
+        )
+    return cast(Array, given.astype(like.dtype))
 
 
 def _evenly(start: Times, end: Times) -> Times:

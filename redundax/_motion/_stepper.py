@@ -144,7 +144,11 @@ class Control(NamedTuple):
 
 
 class Controller(diffrax.AbstractAdaptiveStepSizeController):
-    """Steps by the errors of verdicts, up to events, and from there on as at first."""
+    """Steps by the errors of verdicts, up to events, and from there on as at first.
+
+    Where they end has no derivatives but at events: if all ends moved with the last event, a kink of a load in time
+    would move through its step the other way, and derivatives be off by as much as one by the time of the kink is.
+    """
 
     controller: diffrax.PIDController
     first: Float[Array, ""]
@@ -171,7 +175,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         equations, begin = args[0], args[2]
         end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
         hit = None if equations.touch is None else no_hit(equations.touch, t0)
-        return end, Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
+        return stop_gradient(end), Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
 
     def adapt_step_size(
         self,
@@ -198,7 +202,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
                 keep, t = keep & ~hits, jnp.where(hits, t0, t)
                 result = diffrax.RESULTS.where(hits, diffrax.RESULTS.event_occurred, result)
             result = diffrax.RESULTS.where(stiff, diffrax.RESULTS.event_occurred, result)
-            return keep, t, following, False, Control(inner, None, hit), result
+            return keep, t, stop_gradient(following), False, Control(inner, None, hit), result
         event = keep & jnp.isfinite(verdict.plan.time)
         event = event if hit is None else event | hits
         taken = keep & ~event
@@ -223,7 +227,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         plan = jax.tree.map(
             lambda a, b: jnp.where(event, b.astype(a.dtype), a), controller_state.plan, stop_gradient(verdict.plan)
         )
-        return taken, t, following, lands, Control(inner, plan, hit), result
+        return taken, t, stop_gradient(following), lands, Control(inner, plan, hit), result
 
 
 class Stepper(diffrax.AbstractWrappedSolver):

@@ -6,9 +6,10 @@ only touches, because the others hold it closed, where the closure would load it
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
 passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
-each other, X^T gamma beyond rounding, have no loads that could pass zero. Each is a margin, positive while the phase
-goes on. Rows that do not hold are zeros (`opened`), so that one
-program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
+each other, X^T gamma beyond rounding, have no loads that could pass zero. An open contact that the rows that hold
+decide, as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and
+acceleration. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that
+one program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
 """
 
 from collections.abc import Callable
@@ -20,9 +21,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import elasticity
+from .._equations._kinematics import along_motion
+from .._solve._contacts import OUTSIDE
 from .._tools._numbers import as_program, or_one, xp
 from ._held_rank import HeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, Touch, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
 
 # Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
 # what is left of a step is below the accuracy of its dense output.
@@ -39,19 +42,23 @@ _APART = 1e-8, 1e3
 # Share of accelerations by which others take a contact away, where steps end and what they leave is projected; and what
 # steps within make of it at most, as they are off the constraints.
 TAKEN, _TAKEN_WITHIN = (1e-8, 1e3), (1e-5, 1e6)
+# Share of accelerations by which a contact that others put down still moves: rounding.
+_CALM = 1e-12, 1e3
 
 
 class Margins(NamedTuple):
-    """Gaps relative to the size of the mechanism, loads relative to the largest or strains to theirs, and accelerations
-    by which others leave a contact, relative to all; infinite of contacts that are asked for the other."""
+    """Gaps relative to the size of the mechanism, loads relative to the largest or strains to theirs, accelerations by
+    which others leave a contact, relative to all, and by how much more than rounding others still move it; infinite of
+    contacts that are asked for the other."""
 
     gap: Float[Array, "*looks c"]
     push: Float[Array, "*looks c"]
     left: Float[Array, "*looks c"]
+    moves: Float[Array, "*looks c"]
 
     @property
     def least(self) -> Float[Array, "*looks c"]:
-        """The one that is asked for, or the least."""
+        """The least of those that pass zero."""
         return jnp.minimum(jnp.minimum(self.gap, self.push), self.left)
 
     def passed(self, gap: float, push: float, left: float) -> Bool[Array, "*looks c"]:
@@ -71,12 +78,15 @@ def no_hit(touch: Touch, like: Array) -> Hit:
     return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
 
 
-def margins(equations: Equations, t: Array, y: Moving, context: Context) -> Margins:
-    """Those of all contacts at an instant."""
+def margins(
+    equations: Equations, t: Array, y: Moving, context: Context, within: Bool[Array, ""] | bool = False
+) -> Margins:
+    """Those of all contacts at an instant, which may lie within a step."""
     system, scale, touch = equations.system, equations.scaling, equations.touching
     rows, state, kept = np.array(system.names.one_sided), y.at(t), touch.kept
     every = system.opened(jnp.ones_like(kept))
-    gap = -(every.constraint(y.q, t) / scale.rows)[rows] / scale.size
+    motion = along_motion(every, state)
+    gap, rate = -(motion.value / scale.rows)[rows] / scale.size, (motion.rate / scale.rows)[rows] / equations.speed
     factor = cast(HeldFactorisation, factorize_held(system, state, context.held))
     linear = equations.linear(state, context.held, factor)
     solved = equations.solved(state, linear, context.tau, context.along)
@@ -95,7 +105,19 @@ def margins(equations: Equations, t: Array, y: Moving, context: Context) -> Marg
     size = jnp.max(jnp.abs(jacobian) @ parts / scale.rows + jnp.abs(gamma))
     taken = (factor.stress @ (factor.stress.T @ gamma))[rows] / or_one(size)
     left = jnp.where(holds, 2 * tolerance_of(TAKEN, gap) - taken, jnp.inf)
-    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left)
+    into = ((jacobian @ solved.acceleration - motion.gamma) / scale.rows)[rows] / or_one(size)
+    near, slow = (jnp.where(within, tolerance_of(_WITHIN, gap), tolerance_of(own, gap)) for own in (GAP, NONE))
+    each = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
+    idle = holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates)
+    moves = jnp.where(idle, jnp.inf, jnp.max(jnp.stack(each), axis=0) - 1)
+    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left, moves)
+
+
+def _decided(factor: HeldFactorisation, contacts: Float[Array, "c n"], sizes: Float[Array, " n"]) -> Bool[Array, " c"]:
+    """Which contacts move with the rows that hold."""
+    left = contacts - (contacts @ factor.response) @ factor.held_inverse(factor.rows)
+    whole, free = (jnp.linalg.norm(each * sizes, axis=1) for each in (contacts, left))
+    return free < OUTSIDE * or_one(whole)
 
 
 def first_hit(
@@ -109,20 +131,25 @@ def first_hit(
     def at(look: tuple[Array, Array]) -> Margins:
         t, ends = look
         y = rechart(equations.system, between(t))[0]
-        return margins(equations, t, jax.tree.map(lambda a, b: jnp.where(ends, a, b), last, y), context)
+        return margins(equations, t, jax.tree.map(lambda a, b: jnp.where(ends, a, b), last, y), context, ~ends)
 
     parts = jnp.arange(1, _LOOKS + 1, dtype=width.dtype) / _LOOKS
     seen = jax.lax.map(at, (start + width * parts, parts == 1))
-    rough, fine = tolerance_of(_WITHIN, width), (tolerance_of(GAP, width), tolerance_of(_SIGN, width))
+    rough, fine = tolerance_of(_WITHIN, width), [tolerance_of(each, width) for each in (GAP, _SIGN, TAKEN)]
     taken = tolerance_of(_TAKEN_WITHIN, width)
-    passed = jnp.where((parts == 1)[:, None], seen.passed(*fine, taken), seen.passed(rough, rough, taken))
+    at_end, rests = (parts == 1)[:, None], seen.moves[-1] < 0
+    passed = jnp.where(at_end, seen.passed(*fine) | rests, seen.passed(rough, rough, taken))
     found, which = jnp.any(passed), passed[jnp.argmax(jnp.any(passed, axis=1))]
-    first = jnp.argmax(jnp.any(which & (seen.least < 0), axis=1))
+
+    def beyond_of(seen: Margins) -> Bool[Array, "*looks c"]:
+        return which & jnp.where(rests, seen.moves < 0, seen.least < 0)
+
+    first = jnp.argmax(jnp.any(beyond_of(seen), axis=1))
 
     def halve(now: tuple[Any, ...]) -> tuple[Any, ...]:
         low, high, which, count = now
         middle = (low + high) / 2
-        past = which & (at((middle, jnp.zeros((), bool))).least < 0)
+        past = beyond_of(at((middle, jnp.zeros((), bool))))
         beyond = jnp.any(past)
         bracket = jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
         return *bracket, jnp.where(beyond, past, which), count + 1
@@ -144,9 +171,11 @@ def arrived(
     """
     change = jax.lax.stop_gradient(equations.derivative(t, y, context))
     along = jnp.ones_like(t), change
-    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)), (t, y), along)
+    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)[:-1]), (t, y), along)
     slope = jax.lax.stop_gradient(slope)
-    sound = which & (slope < 0) & (jnp.abs(each) <= tolerance_of(_OFF, each))
+    # What others put down has no slope but of rounding.
+    falls = jnp.where(jnp.arange(len(each)) == 0, tolerance_of(NONE, t) * equations.speed / equations.scaling.size, 0.0)
+    sound = which & (slope < -falls[:, None]) & (jnp.abs(each) <= tolerance_of(_OFF, each))
     shifts = jnp.where(sound, -each / jnp.where(sound, slope, 1.0), jnp.inf)
     nearest = jnp.argmin(jnp.abs(shifts), axis=0)
     shift = jnp.min(jnp.take_along_axis(shifts, nearest[None], axis=0))

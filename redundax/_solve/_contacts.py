@@ -38,7 +38,7 @@ from .._tools._module import replace_fields
 from .._tools._numbers import or_one, stop_gradient, take, while_loop, xp
 
 CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
-_WITHIN = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
+OUTSIDE = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
 
 
 class ActiveSet(NamedTuple):
@@ -212,7 +212,7 @@ def signs(
     along P gamma.
     """
     (jacobian, gamma, scales), (factor, solution, elasticity) = at, found
-    kept, size = take(all_kept, rows), _size(at, factor, solution)
+    kept, size = take(all_kept, rows), size_along(at, factor, solution)
     force = scales.rows * solution.multipliers
     force = take(force, rows) / or_one(xp.max(xp.abs(force)))
     into = (jacobian @ solution.acceleration - gamma) / scales.rows  # how the rows close
@@ -221,7 +221,7 @@ def signs(
     strain, free = strains(rows, all_kept, jacobian, factor, bent)
     strain = strain / or_one(xp.max(xp.abs(bent)))
     turned = take(xp.linalg.norm(jacobian * factor.scaling.coordinates, axis=1), rows)
-    decided = xp.linalg.norm(free, axis=1) / or_one(turned) < _WITHIN  # by the other rows: it moves with them
+    decided = xp.linalg.norm(free, axis=1) / or_one(turned) < OUTSIDE  # by the other rows: it moves with them
     # Positions may be off by as much, and what they prescribe is.
     taken = largest_violation(into.dtype) if taken is None else taken
     together = decided & (into > -taken)  # else these take it away, however little they give
@@ -230,15 +230,25 @@ def signs(
     carries, lifts = kept & (force > CLEAR), ~kept & (into < -CLEAR)
     opened, lifted, touching, loaded = map(code_of, Contact)
     code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
-    size = xp.where(xp.isfinite(size), size, _size(at, factor, factor))  # none where `solve` refuses the contradiction
-    off = take(factor.split.stress @ xp.where(all_kept, gamma / scales.rows, 0.0), rows) / or_one(size)
+    size = xp.where(
+        xp.isfinite(size), size, size_along(at, factor, factor)
+    )  # none where `solve` refuses the contradiction
+    off = take(contradicted(all_kept, at, factor), rows) / or_one(size)
     off = xp.where(closed & kept & (off > taken), off, -1.0)
     contradicts = xp.any(off > 0)
     wrong = xp.where(contradicts, off, xp.where(wrong > CLEAR, wrong, -1.0))
     return Signs(wrong, contradicts, xp.where(closed, code, opened), decided)
 
 
-def _size(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
+def contradicted(
+    kept: Bool[Array, " m"], at: tuple[Array, Array, Scaling], factor: Factorisation
+) -> Float[Array, " m"]:
+    """The part of gamma that no acceleration meets, P gamma, of rows that are kept."""
+    _, gamma, scales = at
+    return factor.split.stress @ xp.where(kept, gamma / scales.rows, 0.0)
+
+
+def size_along(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
     """The largest sum of the parts of an acceleration along a row, which may cancel in it."""
     jacobian, gamma, scales = at
     pulled, mass = xp.abs(jacobian).T @ xp.abs(solution.multipliers), xp.diagonal(factor.mass)

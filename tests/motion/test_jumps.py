@@ -1,0 +1,91 @@
+"""Loads with a kink or a jump in time: derivatives after it, against closed forms of sliders at 30 digits."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+
+import redundax as rx
+
+GUIDE = (0.0, 0.0), (0.0, 0.0), (0.0, 1.0)
+FORWARD = {"adjoint": diffrax.ForwardMode()}
+
+
+def along_x(force):
+    """A load on a body in x, by its motion, time and parameters."""
+
+    def load(i, j, t, p):
+        none = 0.0 * t
+        return rx.Wrench(jnp.stack([force(i, t, p), none]), none), rx.Wrench(jnp.zeros(2), jnp.zeros(()))
+
+    return load
+
+
+def slope_of(truth, given, k):
+    """The derivative of a closed form by one of its arguments."""
+    with mpmath.workdps(30):
+        given = [mpmath.mpf(str(x)) for x in given]
+        return float(mpmath.diff(lambda x: truth(*given[:k], x, *given[k + 1 :]), given[k], h=mpmath.mpf("1e-10")))
+
+
+def on_a_spring(load, p, span, **options):
+    """Where a slider of 2 kg on a spring of 5 N/m ends."""
+    force = along_x(lambda i, t, p: load(t, p) - 5.0 * i.pose.r[0])
+    guide, pull = rx.Translational("guide", "b", "ground", *GUIDE), rx.LoadFunction("b", force, parameters=p)
+    mechanism = rx.Mechanism([rx.Body("b", 2.0, 0.1)], [guide], loads=[pull])
+    return rx.simulate(mechanism, rx.assemble(mechanism, {}), span, ts=[span], **options).q[0, 0]
+
+
+def test_derivatives_by_the_instant_of_a_kink_and_of_a_jump_are_as_accurate_as_others():
+    """A force that rises to 3 N/s t_1 and is gone from t_2 on: of a slider on a spring, by the ramps that make it."""
+
+    def load(t, p):
+        return jnp.where(t < p[1], 3.0 * jnp.minimum(t, p[0]), 0.0)
+
+    def place(kink, end):
+        pull = lambda t: 3 * min(t, kink)  # noqa: E731
+        w = mpmath.sqrt(mpmath.mpf(5) / 2)
+        return mpmath.quad(lambda t: pull(t) * mpmath.sin(w * (2 - t)) / (2 * w), [0, kink, end])
+
+    found = jax.jacfwd(lambda p: on_a_spring(load, p, 2.0, jump_ts=p[::-1], **FORWARD))(jnp.array([0.7, 1.6]))
+    want = [slope_of(place, (0.7, 1.6), k) for k in range(2)]
+    np.testing.assert_allclose(found, want, rtol=1e-8)
+
+
+def rubbed(p, **options):
+    """Place and velocity of 10 kg on a rough guide, pushed by p_1 sin of time until p_2."""
+    push = along_x(lambda i, t, p: p[0] * jnp.sin(jnp.pi * jnp.clip(t - 0.1, 0.0, p[1] - 0.1)))
+    guide = rx.Translational("guide", "b", "ground", *GUIDE, friction=rx.Coulomb(p[0]), guide_length=1.0)
+    load = rx.LoadFunction("b", push, parameters=p[1:])
+    mechanism = rx.Mechanism([rx.Body("b", 10.0, 0.1)], [guide], loads=[load], gravity=(0.0, -9.81))
+    start = rx.assemble(mechanism, {})
+    motion = rx.simulate(mechanism, start, 2.5, ts=[1.15, 2.3], max_phases=8, throw=False, **FORWARD, **options)
+    return jnp.append(motion.q[:, 0], motion.qd[0, 0])
+
+
+def slid(mu, push, kink):
+    """The same: it is let go at mu m g, and stops where its momentum is spent."""
+    late, holds, pi = mpmath.mpf("0.1"), mu * mpmath.mpf("98.1"), mpmath.pi
+    goes = late + mpmath.asin(holds / push) / pi
+
+    def speed(t):
+        past = mpmath.cos(pi * (goes - late)) - mpmath.cos(pi * (min(t, kink) - late))
+        level = push * mpmath.sin(pi * (kink - late))
+        return (push / pi * past + max(t - kink, 0) * level - holds * (t - goes)) / 10
+
+    stops = mpmath.findroot(speed, 1.6)
+    after = mpmath.mpf("1.15")
+    return [mpmath.quad(speed, [goes, kink, end]) for end in (after, stops)] + [speed(after)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("jumps", [False, True])
+def test_derivatives_after_an_event_pass_a_kink_of_the_load(jumps):
+    """By figures that move the event, as accurate as the motion; by the kink itself where its instant is given."""
+    given = (0.4, 60.0, 1.05)
+    want = np.array([[slope_of(lambda *x, e=entry: slid(*x)[e], given, k) for k in range(3)] for entry in range(3)])
+    found = jax.jacfwd(lambda p: rubbed(p, jump_ts=p[2:] if jumps else None))(jnp.array(given))
+    within = np.array([1e-7, 1e-7, 1e-8 if jumps else 1e-3]) * np.abs(want).max(axis=0)
+    assert np.all(np.abs(found - want) < within)
