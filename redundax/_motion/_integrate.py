@@ -30,7 +30,7 @@ from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
@@ -145,7 +145,7 @@ def _integrate(
 
 _dense = on_numbers(_integrate)
 _forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
-_sparse = as_program(_integrate, in_order=True)
+_sparse = as_program(_integrate, LARGE)
 
 
 def integrate(

@@ -21,7 +21,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -425,30 +425,30 @@ FEW = 100
 _RECENT = 128  # structures of which one function is kept traced
 
 
+class Kind(NamedTuple):
+    """What is traced, which decides how it is compiled, and when programs take over from NumPy."""
+
+    loops: bool = True  # turn often, and become programs of their own
+    is_single: bool = True  # it has one way to go, in which it is traced as one sample
+    times: float = 1.0  # as long as in little time and forward, by equation, it compiles
+    is_large: bool = False  # it is compiled in order and with all optimisation
+
+
+_MODEL, STEPS = Kind(loops=False, is_single=False), Kind()
+LARGE, FORWARD, REVERSE = Kind(times=4.0, is_large=True), Kind(is_single=False), Kind(is_single=False, times=2.0)
+
+
 class _Traced:
-    """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on.
+    """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on."""
 
-    One whose `loops` turn often is traced as it is compiled; they become programs of their own. What goes `in_reverse`
-    has all ways to go in it.
-    """
-
-    def __init__(
-        self,
-        function: Callable[..., Any],
-        arguments: Any,
-        loops: bool = False,
-        in_order: bool = False,
-        in_reverse: bool = False,
-    ):
-        is_single = loops and not in_reverse
-        with in_little_time(True), of_equations(not loops), of_one_sample(is_single), uncollected():
+    def __init__(self, function: Callable[..., Any], arguments: Any, kind: Kind):
+        with in_little_time(True), of_equations(not kind.loops), of_one_sample(kind.is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
-        self.options = partial(quick_options, True, True) if in_order else quick_options  # asked for as it is kept
+        self.first, self.loops, self.spent = None, kind.loops, 0.0  # seconds in programs
+        self.options = partial(quick_options, True, True) if kind.is_large else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            times = _OPTIMISED if in_order else _IN_REVERSE if in_reverse else 1.0
-            self.first = Interpreted(self.closed, self.options, times=times)
+            self.first = Interpreted(self.closed, self.options, times=kind.times)
 
     @property
     def is_compiled(self) -> bool:
@@ -477,16 +477,15 @@ class _Traced:
 # Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
 # compiles for about as long.
 LONG = 5.0
-_OPTIMISED, _IN_REVERSE = 4.0, 2.0  # times as long as forward in little time, by equation
 
 
-def as_program(function: Callable[..., Any], *, in_order: bool = False, in_reverse: bool = False) -> Callable[..., Any]:
+def as_program(function: Callable[..., Any], kind: Kind = STEPS) -> Callable[..., Any]:
     """What repeats a thousand times: `compiled` where arguments are traced; of numbers, or JAX's arrays, it gives such.
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
-    and with all optimisation once they have run for `LONG`. What is large, and one call of which may run for long, is
-    compiled `in_order` and with all optimisation as soon as it would take longer. What goes `in_reverse`, which would
-    take minutes, never is.
+    and with all optimisation once they have run for `LONG`. What is `LARGE`, and one call of which may run for long, is
+    compiled with all optimisation as soon as it would take longer. What goes in `REVERSE`, which would take minutes,
+    never is.
     """
     first, fast = compiled(function), compiled(function, runs_long=True)
     recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
@@ -501,8 +500,8 @@ def as_program(function: Callable[..., Any], *, in_order: bool = False, in_rever
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
         try:
             with jax.core.eval_context():
-                traced = _kept(recent, key, lambda: _Traced(function, arguments, True, in_order, in_reverse))
-                if in_order or in_reverse or traced.spent <= LONG:
+                traced = _kept(recent, key, lambda: _Traced(function, arguments, kind))
+                if kind is not STEPS or traced.spent <= LONG:
                     return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))
@@ -527,7 +526,7 @@ def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def computed(*arguments: Any) -> Any:
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
-        traced = _kept(recent, key, lambda: _Traced(function, arguments))
+        traced = _kept(recent, key, lambda: _Traced(function, arguments, _MODEL))
         return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
 
     @functools.wraps(function)
