@@ -6,6 +6,7 @@
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -20,6 +21,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
+from .._tools._derivatives import once
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
 from .._tools._no_answer import nan_where
@@ -215,4 +217,5 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
 
 
 _velocity_sparse = compiled(_velocity)
-_assemble, _assemble_sparse = on_numbers(_assembled_each), compiled(_assembled_each)
+_assemble = on_numbers(_assembled_each, traced=partial(once, in_little_time=False))
+_assemble_sparse = compiled(_assembled_each)

@@ -1,13 +1,13 @@
 """Derivatives of calls outside transformations: what is asked for once waits for nothing but its own compiling.
 
-JAX's transformations trace a call on known numbers for its derivative alone, with no program around it. Forward it is
-compiled in little time. In reverse, going forth and back are functions of known numbers again (`as_program`), which
-NumPy computes at first.
+JAX's transformations trace a call on known numbers for its derivative alone, with no program around it. Values with
+tangents, and in reverse going forth and back, are functions of known numbers again (`as_program`), which NumPy computes
+at first. The tangents of `jax.jacfwd` are traced in a batch, in which a function with a rule for batches reads them.
 """
 
 import functools
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ._compilation import in_little_time, quick_options
-from ._numbers import REVERSE, as_program
+from ._compilation import in_little_time as quickly
+from ._compilation import quick_options
+from ._numbers import FORWARD, REVERSE, are_known, as_program
 
-P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -28,23 +28,99 @@ def is_staged() -> bool:
     return isinstance(jnp.zeros(()) + 1, jax.core.Tracer)
 
 
-def once(function: Callable[P, T]) -> Callable[P, T]:
-    """`eqx.filter_jit` of what is traced, compiled in little time where no program is around it: a derivative that is
-    asked for once waits for its compiling alone. For forward mode."""
+def once(function: Callable[..., T], *, in_little_time: bool = True) -> Callable[..., T]:
+    """`eqx.filter_jit` of what is traced, with derivatives of known numbers in forward mode that NumPy computes at
+    first. Other derivatives, and batches, outside of programs are compiled in little time, if not otherwise said."""
     inside = eqx.filter_jit(function)
+    forth = functools.partial(_with_tangents, inside)
+    linear = eqx.filter_jit(forth)
+    alone, each = as_program(forth, FORWARD), as_program(functools.partial(_for_each, inside), FORWARD)
 
     @functools.cache
-    def alone() -> Callable[P, T]:
-        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
+    def beside(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
+        options = quick_options() if in_little_time else None
+        return eqx.filter_jit(function, compiler_options=options)  # pyright: ignore[reportCallIssue]
+
+    @eqx.filter_custom_jvp
+    def differentiated(given: tuple[PyTree, PyTree]) -> PyTree:
+        return beside(function)(*given[0], **given[1])
+
+    @differentiated.def_jvp
+    def _forward(given: tuple[PyTree], tangents: tuple[PyTree]) -> tuple[PyTree, PyTree]:
+        (given,), (tangents,) = given, tangents
+        moved, fixed = eqx.partition(given, jax.tree.map(lambda x, t: t is not None, given, tangents))
+        if not are_known(given) or _are_weak(given):
+            return beside(forth)(moved, tangents, fixed)
+        if are_known(tangents):
+            return alone(moved, tangents, fixed)
+        batch = _batch_of(tangents)
+        if batch is None or not are_known(batch):  # as for `jax.linearize`, whose programs take no options
+            return linear(moved, tangents, fixed)
+        out, changes = each(moved, batch, fixed)
+        return out, _as_batch(changes, tangents)
 
     @functools.wraps(function)
-    def run(*arguments: P.args, **named: P.kwargs) -> T:
+    def run(*arguments: PyTree, **named: PyTree) -> T:
         if is_staged():
             return inside(*arguments, **named)
-        with in_little_time(True):
-            return alone()(*arguments, **named)
+        with quickly(in_little_time):
+            return differentiated((arguments, named))
 
     return run
+
+
+def _with_tangents(function: Callable[..., PyTree], moved: PyTree, tangents: PyTree, fixed: PyTree) -> PyTree:
+    """Values, and their tangents by those of what is moved; None of those that have none."""
+
+    def of_moved(moved: PyTree) -> PyTree:
+        arguments, named = eqx.combine(moved, fixed)
+        return function(*arguments, **named)
+
+    return eqx.filter_jvp(of_moved, (moved,), (tangents,))
+
+
+def _for_each(function: Callable[..., PyTree], moved: PyTree, batch: PyTree, fixed: PyTree) -> tuple[PyTree, PyTree]:
+    """The same by each tangent of a batch."""
+    out, changes = jax.vmap(lambda tangents: _with_tangents(function, moved, tangents, fixed))(batch)
+    return jax.tree.map(lambda x: x[0], out), changes
+
+
+def _batch_of(tangents: PyTree) -> PyTree | None:
+    """Tangents along a first axis, of those that are traced in a batch; else None."""
+    found: list[PyTree] = []
+
+    @jax.custom_batching.custom_vmap
+    def looked_at(tangents: PyTree) -> PyTree:
+        return tangents
+
+    @looked_at.def_vmap
+    def _look(size: int, batched: list[PyTree], tangents: PyTree) -> tuple[PyTree, PyTree]:
+        whole = jax.tree.map(lambda x, has: x if has else jnp.broadcast_to(x, (size, *x.shape)), tangents, batched[0])
+        found.append(whole)
+        return tangents, batched[0]
+
+    looked_at(tangents)
+    return found[0] if found else None
+
+
+def _as_batch(values: PyTree, tangents: PyTree) -> PyTree:
+    """Known values along a first axis, as they are traced in the batch of tangents."""
+
+    @jax.custom_batching.custom_vmap
+    def traced(tangents: PyTree) -> PyTree:
+        return jax.tree.map(lambda x: jnp.zeros(x.shape[1:], x.dtype), values)
+
+    @traced.def_vmap
+    def _given(size: int, batched: list[PyTree], tangents: PyTree) -> tuple[PyTree, PyTree]:
+        return values, jax.tree.map(lambda x: True, values)
+
+    return traced(tangents)
+
+
+def _are_weak(tree: PyTree) -> bool:
+    """Whether some numbers beside others of another type have a weak type, which NumPy knows nothing of."""
+    leaves = [x for x in jax.tree.leaves(tree) if eqx.is_inexact_array(x)]
+    return len({x.dtype for x in leaves}) > 1 and any(getattr(x, "weak_type", False) for x in leaves)
 
 
 def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
@@ -60,9 +136,8 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
         return inside(*given[0], **given[1])
 
     def gone(way: int, *given: PyTree) -> PyTree:
-        leaves = jax.tree.leaves(given)  # traced in a batch, say; NumPy knows no weak types
-        is_beside = any(isinstance(x, jax.core.Tracer) or getattr(x, "weak_type", False) for x in leaves)
-        return (beside if is_beside else alone)[way](*given)
+        is_alone = are_known(given) and not _are_weak(given)  # and not traced in a batch, say
+        return (alone if is_alone else beside)[way](*given)
 
     @differentiated.def_fwd
     def _forward(perturbed: PyTree, given: PyTree) -> PyTree:

@@ -2,7 +2,8 @@
 
 The equations that JAX traces become a list of NumPy's functions, once: calls inside of others are opened, what depends
 on no argument is computed at once, and what no result needs is left out. A function with an equation that has no rule
-(`_rules`) remains a program. So does, from then on, a loop whose turns have taken half as long as compiling it takes.
+(`_rules`) remains a program. So does, from then on, a loop whose turns have taken half as long as compiling it takes,
+one in another too.
 """
 
 import functools
@@ -24,9 +25,9 @@ from ._rules import RULES
 class Interpreted:
     """The function of NumPy's arrays, one by one, that equations say.
 
-    Loops that stand in no other become programs by `options` of `jax.jit` where those are given; `has_programs` tells
-    whether one has. They are added to `loops`; with these options they compile so many `times` as long as in little
-    time. What depends on the first `held` arguments alone can be computed once for many others (`holding`).
+    Loops become programs by `options` of `jax.jit` where those are given; `has_programs` tells whether one has. They
+    are added to `loops`; with these options they compile so many `times` as long as in little time. What depends on the
+    first `held` arguments alone can be computed once for many others (`holding`).
     """
 
     def __init__(
@@ -122,14 +123,14 @@ class Interpreted:
                 return self._called(parameters["branches"][clamped(known, len(parameters["branches"]) - 1)], taken[1:])
             return self._made(self._cond(parameters["branches"]), taken, count)
         if name in _LOOPS:
-            loop = _Loop(equation, self._options, self._times)
-            self._loops.append(loop)
-            return self._made(loop, taken, count)
+            return self._made(_Loop(equation, self._options, self._loops, self._times), taken, count)
         if name in _CHANGES_NOTHING:
             return taken
+        of, to = (cast(Shapes, [x.aval for x in group]) for group in (equation.invars, equation.outvars))
+        if to and all(getattr(x, "dtype", None) == jax.dtypes.float0 for x in to):  # tangents of what has none
+            return [self._place(np.zeros(x.shape, x.dtype)) for x in to]
         if name not in RULES:
             raise NoRuleError(name)
-        of, to = (cast(Shapes, [x.aval for x in group]) for group in (equation.invars, equation.outvars))
         if any(getattr(x, "dtype", None) not in _TYPES for x in (*of, *to)):
             raise NoRuleError
         if name in _RESHAPES and of[0].shape == to[0].shape:
@@ -211,7 +212,7 @@ _CALLS = {  # the parameter that holds the equations of a call
 }
 _CHANGES_NOTHING = {"nonbatchable", "stop_gradient"}
 _RESHAPES = {"broadcast_in_dim", "expand_dims", "squeeze"}
-_COMPILING = 4e-4  # seconds of CPU that an equation takes
+_BEGINNING, _COMPILING = 0.15, 4e-4  # seconds of CPU that a program takes, and an equation of it
 
 
 class _Inner:
@@ -231,38 +232,45 @@ class _Inner:
 
 class _Loop:
     """A loop, which is a program once its turns have taken half as long as compiling it takes; as long, where it is
-    nearly at its end."""
+    nearly at its end. What took long before a loop in it became a program does not count."""
 
-    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, times: float):
-        self._equation, self._options = equation, options
-        self._turns = _LOOPS[equation.primitive.name](equation.params)
-        self._left = np.inf if options is None else times * _COMPILING * _count(equation)  # seconds
+    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, loops: "list[_Loop]", times: float):
+        self._equation, self._options, self._loops = equation, options, loops
+        self._turns = _LOOPS[equation.primitive.name](equation.params, options, loops, times)
+        self._most = np.inf if options is None else times * (_BEGINNING + _COMPILING * _count(equation))  # seconds
+        self._left, self._begun = self._most, np.inf  # the time that its turns began, if it is in one
         self._is_open = False  # what its first turn does once does not count
         self.program: Computed | None = None
+        loops.append(self)
 
     def __call__(self, *given: Entries) -> Entries:
         out = self._compiled(given) if self.program is not None else self._turned(given)
         return out[0] if len(out) == 1 else out
 
     def _turned(self, given: Sequence[Entries]) -> Sequence[Entries]:
-        begun = time.thread_time()
+        self._begun = time.thread_time()
         for onward, out, done in self._turns(given):
             if not self._is_open:
-                self._is_open, begun = True, time.thread_time()
-            spent = time.thread_time() - begun
+                self._is_open, self._begun = True, time.thread_time()
+            spent = time.thread_time() - self._begun
             if out is not None:
-                self._left -= spent
+                self._left, self._begun = self._left - spent, np.inf
                 return out
             if spent > self._left * done:
                 return self._compiled(onward)
         raise AssertionError
 
     def _compiled(self, given: Sequence[Entries]) -> list[np.ndarray]:
-        if self.program is None:
-            equation, options = self._equation, None if self._options is None else self._options()
-            bound = functools.partial(equation.primitive.bind, **equation.params)
-            self.program = jax.jit(bound, compiler_options=options)
-        return [np.asarray(x) for x in self.program(*given)]
+        if self.program is not None:
+            return [np.asarray(x) for x in self.program(*given)]
+        equation, options = self._equation, None if self._options is None else self._options()
+        bound = functools.partial(equation.primitive.bind, **equation.params)
+        self.program, self._begun = jax.jit(bound, compiler_options=options), np.inf
+        out = self._compiled(given)
+        for loop in self._loops:
+            if loop._begun < np.inf:
+                loop._left, loop._begun = loop._most, time.thread_time()
+        return out
 
 
 # What a loop is given to go on from here, turn by turn; what it gives at its end; and the part that is done, one half
@@ -270,9 +278,10 @@ class _Loop:
 Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
-def _while(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
+def _while(parameters: Parameters, *inside: Any) -> Callable[[Sequence[Entries]], Turns]:
     first, more = parameters["cond_nconsts"], parameters["body_nconsts"]
-    going, body = _Inner(parameters["cond_jaxpr"], held=first), _Inner(parameters["body_jaxpr"], held=more)
+    going = _Inner(parameters["cond_jaxpr"], *inside, held=first)
+    body = _Inner(parameters["body_jaxpr"], *inside, held=more)
 
     def turns(given: Sequence[Entries]) -> Turns:
         held, now = given[: first + more], given[first + more :]
@@ -292,12 +301,12 @@ def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
     return np.where(np.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
 
 
-def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
+def _scan(parameters: Parameters, *inside: Any) -> Callable[[Sequence[Entries]], Turns]:
     if "ft_in" in parameters:  # newer JAX
         first, number, _ = map(len, parameters["ft_in"].unpack())
     else:
         first, number = parameters["num_consts"], parameters["num_carry"]
-    body, length, last = _Inner(parameters["jaxpr"], held=first), parameters["length"], first + number
+    body, length, last = _Inner(parameters["jaxpr"], *inside, held=first), parameters["length"], first + number
     if not length:
         raise NoRuleError
 

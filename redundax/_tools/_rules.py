@@ -6,7 +6,7 @@ that are given stay as they are.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import jax
 import numpy as np
@@ -387,6 +387,25 @@ def _maybe_set(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return set_entry
 
 
+def _of_samples(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    """One of Equinox's own in a batch, sample by sample."""
+    axes, size = parameters["__batch_axes"], parameters["__axis_size"]
+
+    def one(x: Any, axis: int | None) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct(x.shape if axis is None else np.delete(x.shape, axis), x.dtype)
+
+    shapes = cast(Shapes, [*map(one, of, axes)]), cast(Shapes, [one(x, 0) for x in to])
+    rule = RULES[parameters["prim"].name](dict(parameters["params"]), *shapes)
+    if isinstance(rule, AtPlaces) or len(to) != 1:
+        raise NoRuleError
+
+    def each(*given: Entries) -> np.ndarray:
+        both = [*zip(given, axes, strict=True)]
+        return np.stack([rule(*(x if axis is None else x.take(k, axis) for x, axis in both)) for k in range(size)])
+
+    return each
+
+
 def _of_platform(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     names, own = parameters["platforms"], jax.default_backend()
     place = next(k for k, some in enumerate(names) if some is None or own in some)
@@ -502,4 +521,5 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "transpose": _transpose,
     "triangular_solve": triangular_solve,
     "unstack": _unstack,
+    "vprim": _of_samples,
 }

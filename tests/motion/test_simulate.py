@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from truth import exact, squeezer
 
 import redundax as rx
+from redundax._tools import _interpreted, _numbers
 
 T1 = 2.0
 TIMES = np.linspace(0.0, T1, 9)
@@ -102,6 +103,15 @@ def test_derivatives_of_the_motion_forward_and_reverse():
     reverse = jax.jit(jax.jacrev(lambda *x: ends(*x).q[0], argnums=(0, 1, 2)))(*at)
     np.testing.assert_allclose(jnp.stack(forward, axis=1), truth, rtol=0, atol=1e-6)
     np.testing.assert_allclose(jnp.stack(reverse, axis=1), truth, rtol=0, atol=1e-6)
+
+
+def test_a_first_derivative_forward_is_computed_by_numpy(monkeypatch):
+    monkeypatch.setattr(_numbers._Traced, "program", property(lambda self: pytest.fail("compiled")))
+    monkeypatch.setattr(_interpreted, "_COMPILING", np.inf)
+    end, found = jax.jvp(lambda g: ends(0.7, 1.3, g, adjoint=diffrax.ForwardMode()).q[0], (9.81,), (1.0,))
+    np.testing.assert_allclose(end, pendulum_truth(0.7, 1.3, 9.81), rtol=0, atol=1e-6)
+    truth = richardson(lambda g: pendulum_truth(0.7, 1.3, g), 9.81)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("kind", [pytest.param("diagonal", marks=slow), pytest.param("matrix", marks=slow), "function"])

@@ -1,5 +1,7 @@
 """Programs outside transformations: compiled in little time, run at once, with the numbers of optimised ones."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,7 @@ import redundax as rx
 from redundax._bodies._space._rotation import rotation, times
 from redundax._tools import _compilation, _numbers
 from redundax._tools._compilation import compiled, quick_options
-from redundax._tools._derivatives import once_in_reverse
+from redundax._tools._derivatives import once, once_in_reverse
 
 MECHANISMS = {
     "wojtyra2020": lambda: rx.mechanisms.wojtyra2020(mu_rho=0.02),
@@ -224,7 +226,6 @@ def summed(x, y, *, times):
     return {"sum": jnp.sum(x * y), "power": x**times, "count": jnp.size(x), "name": "one"}
 
 
-@once_in_reverse
 def turned(x):
     """What is looped over, set at places and read from there."""
 
@@ -258,5 +259,46 @@ def test_a_first_gradient_in_reverse_compiles_neither_way(monkeypatch):
     x = jnp.array([0.3, 1.2, -0.5])
     with monkeypatch.context() as patch:
         patch.setattr(_numbers._Traced, "program", property(lambda self: pytest.fail("compiled")))
-        found = jax.grad(turned)(x)
+        found = jax.grad(once_in_reverse(turned))(x)
     np.testing.assert_allclose(found, jax.jit(jax.grad(turned))(x), rtol=1e-14)
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, lambda f: lambda x: jax.jvp(f, (x,), (x,))[1]])
+def test_a_first_derivative_forward_compiles_nothing_of_it(mode, monkeypatch):
+    x = jnp.array([0.3, 1.2, -0.5])
+    with monkeypatch.context() as patch:
+        patch.setattr(_numbers._Traced, "program", property(lambda self: pytest.fail("compiled")))
+        found = mode(once(turned))(x)
+    np.testing.assert_allclose(found, jax.jit(mode(turned))(x), rtol=1e-13)
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_forward_mode_alone_has_the_derivatives_of_the_function(quick):
+    """By some arguments and not others, of whole numbers among the results; in batches, of each other, and linearly."""
+    count, x, y = 3, jnp.arange(1.0, 4.0), jnp.array([2.0, 3.0, 5.0])
+
+    @partial(once, in_little_time=quick)
+    def powers(x, y, *, times, places):
+        return {"sum": jnp.sum(x**times * y), "least": jnp.argmin(x) + places}
+
+    def summed(x, y=y):
+        return powers(x, y, times=3, places=jnp.arange(count))["sum"]
+
+    (out, found), by_one = jax.jvp(lambda x: powers(x, y, times=3, places=jnp.arange(count)), (x,), (y,)), 3 * x**2 * y
+    np.testing.assert_array_equal(out["least"], [0, 1, 2])
+    assert found["least"].dtype == jax.dtypes.float0
+    np.testing.assert_allclose(found["sum"], by_one @ y)
+    np.testing.assert_allclose(jax.jacfwd(summed)(x), by_one)
+    np.testing.assert_allclose(jax.jacfwd(summed, argnums=(0, 1))(x, y), [by_one, x**3])
+    np.testing.assert_allclose(jax.jacfwd(jax.jacfwd(summed))(x), np.diag(6 * x * y))
+    np.testing.assert_allclose(jax.linearize(summed, x)[1](y), by_one @ y)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(summed))(x), by_one)
+    both = jnp.stack([x, 2 * x])
+    np.testing.assert_allclose(jax.vmap(jax.jacfwd(summed))(both), [by_one, 4 * by_one])
+    np.testing.assert_allclose(jax.jacfwd(lambda c: jax.vmap(summed)(c * both))(2.0), 12 * both**3 @ y)
+    many = jax.vmap(lambda v: jax.vmap(lambda w: jax.jvp(summed, (x,), (v + w,))[1])(jnp.eye(3)))(jnp.eye(3))
+    np.testing.assert_allclose(many, by_one + by_one[:, None])
+    assert jax.jvp(lambda c: summed(c * x), (2.0,), (1.0,))[1] == 12 * x**3 @ y
+    if not quick:  # programs with options of their own have no derivatives in reverse
+        np.testing.assert_allclose(jax.grad(summed)(x), by_one)
+        np.testing.assert_allclose(jax.hessian(summed)(x), np.diag(6 * x * y))

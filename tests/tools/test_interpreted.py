@@ -20,6 +20,14 @@ CUBE = np.linspace(-1.3, 2.1, 24).reshape(2, 3, 4)
 WHICH = np.array([2, 0, 1, 1])
 INTEGERS = np.array([np.iinfo(np.int32).min, -128, -3, -1, 0, 1, 2, 7, 127, np.iinfo(np.int32).max])
 
+
+def noted(start):
+    """A loop of Equinox that sets entries."""
+    turned = lambda x: (x[0] + 1, x[1].at[x[0]].set(2.0 * x[0]))  # noqa: E731
+    begin = jnp.zeros((), int), start
+    return while_loop(lambda x: x[0] < 3, turned, begin, buffers=lambda x: x[1], max_steps=5, kind="lax")
+
+
 FUNCTIONS = {
     "products": lambda a, b, c: (
         a @ b.T,
@@ -170,14 +178,8 @@ FUNCTIONS = {
         jax.lax.scan(lambda x, y: (x + y, x), a[0, 0], b[0], reverse=True),
         jax.lax.fori_loop(0, 4, lambda k, x: x.at[jnp.minimum(k, 1)].add(b[0]), a),
         jax.lax.map(lambda x: x @ b.T, c.transpose(0, 2, 1)),
-        while_loop(
-            lambda x: x[0] < 3,
-            lambda x: (x[0] + 1, x[1].at[x[0]].set(2.0 * x[0])),
-            (jnp.zeros((), int), jnp.zeros(4, a.dtype)),
-            buffers=lambda x: x[1],
-            max_steps=5,
-            kind="lax",
-        ),
+        noted(jnp.zeros(4, a.dtype)),
+        jax.vmap(noted)(c[0]),
     ),
     "branches": lambda a, b, c: (
         jax.lax.cond(a[0, 0] > b[0, 0], lambda x: (x, 2 * x), lambda x: (-x, x), a),
@@ -395,6 +397,20 @@ def clock(monkeypatch):
     return seconds
 
 
+@pytest.fixture
+def slow_sine(clock, monkeypatch):
+    """One second that each sine takes, and what sines were asked for."""
+    asked = []
+
+    def slow(x):
+        asked.append(x)
+        clock[0] += 1.0
+        return np.sin(x)
+
+    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: slow)
+    return asked
+
+
 def test_a_loop_that_turns_for_long_goes_on_as_a_program(clock):
     """It is the program from there, not from its start; a short one never is. Later calls begin with it."""
 
@@ -420,44 +436,37 @@ def test_a_loop_that_turns_for_long_goes_on_as_a_program(clock):
         np.testing.assert_allclose(run([np.float64(2.0)])[1], 2 * 1.5**40, rtol=1e-14)
 
 
-def test_a_loop_of_known_length_is_a_program_as_soon_as_its_turns_would_take_too_long(clock, monkeypatch):
-    turns = []
-
+def test_a_loop_of_known_length_is_a_program_as_soon_as_its_turns_would_take_too_long(slow_sine):
     def steps(x):
         return jax.lax.map(jnp.sin, x)
 
     run, x = Interpreted(jax.make_jaxpr(steps)(np.ones(10)), dict), np.linspace(0, 1, 10)
-    sine = np.sin
-
-    def slow(x):
-        turns.append(x)
-        clock[0] += 1.0
-        return sine(x)
-
-    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: slow)
     run._loops[0]._left = 10.5
-    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
-    assert (len(turns), run.has_programs) == (10, False)
-    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
-    assert (len(turns), run.has_programs) == (11, True)
+    np.testing.assert_allclose(run([x])[0], np.sin(x), rtol=1e-15)
+    assert (len(slow_sine), run.has_programs) == (10, False)
+    np.testing.assert_allclose(run([x])[0], np.sin(x), rtol=1e-15)
+    assert (len(slow_sine), run.has_programs) == (11, True)
 
 
-def test_a_loop_in_a_branch_is_a_program_too(clock, monkeypatch):
-    sine = np.sin
-
-    def slow(x):
-        clock[0] += 1.0
-        return sine(x)
-
+def test_a_loop_in_a_branch_is_a_program_too(slow_sine, clock, monkeypatch):
     def steps(x):
         return jax.lax.cond(x[0] < 1, lambda x: jax.lax.map(jnp.sin, x), lambda x: x, x)
 
-    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: slow)
     monkeypatch.setattr(_interpreted, "_COMPILING", 0.5)
     run, x = Interpreted(jax.make_jaxpr(steps)(np.ones(30)), dict), np.linspace(0, 0.9, 30)
-    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
+    np.testing.assert_allclose(run([x])[0], np.sin(x), rtol=1e-15)
     assert run.has_programs
     assert clock[0] < 30
+
+
+def test_a_loop_in_a_loop_is_a_program_before_it(slow_sine, clock, monkeypatch):
+    x = np.linspace(0, 0.9, 10)
+    run = Interpreted(jax.make_jaxpr(lambda x: jax.lax.map(lambda y: jax.lax.map(jnp.sin, y), x))(x[:, None]), dict)
+    run._loops[0]._left = 1e3
+    monkeypatch.setattr(_interpreted, "_BEGINNING", 3.0)
+    np.testing.assert_allclose(run([x[:, None]])[0], np.sin(x)[:, None], rtol=1e-15)
+    assert [loop.program is not None for loop in run._loops] == [False, True]
+    assert clock[0] < 10
 
 
 @pytest.mark.parametrize(
