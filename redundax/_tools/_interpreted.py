@@ -268,9 +268,13 @@ class _Loop:
         self.program, self._begun = jax.jit(bound, compiler_options=options), np.inf
         out = self._compiled(given)
         for loop in self._loops:
-            if loop._begun < np.inf:
-                loop._left, loop._begun = loop._most, time.thread_time()
+            loop.begin_anew()
         return out
+
+    def begin_anew(self) -> None:
+        """Count its turns from here on, if it is in one."""
+        if self._begun < np.inf:
+            self._left, self._begun = self._most, time.thread_time()
 
 
 # What a loop is given to go on from here, turn by turn; what it gives at its end; and the part that is done, one half
