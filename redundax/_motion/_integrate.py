@@ -33,6 +33,7 @@ from .._tools._no_answer import cut_where, nan_where, spoiled_where
 from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, hold
+from ._jumps import told_apart
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
 from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
 from ._project import project
@@ -104,7 +105,7 @@ def _integrate(
         tolerance,
         ts,
         course.restitution,
-        course.jump_ts,
+        None if course.jump_ts is None else told_apart(course.jump_ts),
     )
     before = _before(equations, state, held, ts)
     if course.restitution is None:
@@ -146,21 +147,24 @@ def _integrate(
     )
 
 
-_dense = on_numbers(_integrate)
-_forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
-_sparse, _sparse_reverse = as_program(_integrate, LARGE), as_program(_integrate, LARGE, traced=once_in_reverse)
+# By dense matrices and by sparse ones.
+_usual = on_numbers(_integrate), as_program(_integrate, LARGE)
+_forward, _reverse = (
+    (on_numbers(_integrate, traced=traced), as_program(_integrate, LARGE, traced=traced))
+    for traced in (once, once_in_reverse)
+)
 
 
 def integrate(
     system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    dense, sparse = _dense, _sparse
+    ways = _usual
     if isinstance(course.adjoint, diffrax.ForwardMode):
-        dense = _forward
+        ways = _forward
     elif isinstance(course.adjoint, diffrax.RecursiveCheckpointAdjoint):
-        dense, sparse = _reverse, _sparse_reverse
-    return matrices_of(system).run(dense, sparse)(system, state, factor, closure, course)
+        ways = _reverse
+    return matrices_of(system).run(*ways)(system, state, factor, closure, course)
 
 
 def _with_contacts(

@@ -11,8 +11,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._tools._numbers import stop_gradient
+from .._tools._no_answer import without_derivative
+from .._tools._numbers import are_numbers, stop_gradient
 from ._stepper import Controller
+
+_ROUNDINGS = 8  # of an instant, below which a step has no room between two
 
 
 class Jumping(diffrax.AbstractAdaptiveStepSizeController):
@@ -65,6 +68,16 @@ class Jumping(diffrax.AbstractAdaptiveStepSizeController):
         short = jumped & (result == diffrax.RESULTS.dt_min_reached)
         result = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result)
         return keep, t, jnp.minimum(following, next_jump(self.jumps, t)), made_jump | jumped, state, result
+
+
+def told_apart(jumps: Float[Array, " jumps"]) -> Float[Array, " jumps"]:
+    """The instants, without derivatives where two are one but for rounding: a step moves with one alone."""
+    if are_numbers(jumps):
+        return jumps
+    fixed = stop_gradient(jumps)
+    off = jnp.where(jnp.eye(fixed.size, dtype=bool), jnp.inf, jnp.abs(fixed[:, None] - fixed))
+    near = _ROUNDINGS * jnp.finfo(fixed.dtype).eps * jnp.abs(fixed)
+    return without_derivative(jnp.any(off <= near, axis=1), jumps)
 
 
 def next_jump(jumps: Float[Array, " jumps"], t: Array) -> Array:

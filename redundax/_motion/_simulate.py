@@ -93,7 +93,8 @@ def simulate(
       one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `jump_ts`: instants at which loads or drivers jump or have a kink in time, in any order. Steps end there, and
-      derivatives by these instants are as accurate as others, not as the root of `rtol` alone.
+      derivatives by these instants are as accurate as others. Without it those by a kink are as accurate as the root of
+      `rtol`, and those by a jump are not had; by one of two instants that are equal they are NaN.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
       Reverse mode takes time and memory for each, reached or not.
@@ -230,15 +231,15 @@ def _restitution(
     return values
 
 
-def _instants(jump_ts: Numbers, like: Array) -> Array:
-    """Instants at which steps end."""
+def _instants(jump_ts: Numbers, like: Array) -> Array | None:
+    """Instants at which steps end; None if there are none."""
     given = floats(jump_ts, "jump_ts")
     if given.ndim != 1 or (is_concrete(given) and not np.all(np.isfinite(np.asarray(given)))):
         raise RedundaxError(
             f"Argument `jump_ts` must be a vector of finite times, but is {short(jump_ts)}. Give "
             "`jump_ts=[0.1, 1.1]`, say."
         )
-    return cast(Array, given.astype(like.dtype))
+    return cast(Array, given.astype(like.dtype)) if given.size else None
 
 
 def _evenly(start: Times, end: Times) -> Times:

@@ -30,7 +30,7 @@ def is_staged() -> bool:
 
 def once(function: Callable[..., T], *, in_little_time: bool = True) -> Callable[..., T]:
     """`eqx.filter_jit` of what is traced, with derivatives of known numbers in forward mode that NumPy computes at
-    first. Other derivatives, and batches, outside of programs are compiled in little time, if not otherwise said."""
+    first. Batches, and functions that hold traced numbers, are compiled in little time, if not otherwise said."""
     inside = eqx.filter_jit(function)
     forth = functools.partial(_with_tangents, inside)
     linear = eqx.filter_jit(forth)
@@ -64,7 +64,10 @@ def once(function: Callable[..., T], *, in_little_time: bool = True) -> Callable
         if is_staged():
             return inside(*arguments, **named)
         with quickly(in_little_time):
-            return differentiated((arguments, named))
+            try:
+                return differentiated((arguments, named))
+            except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
+                return inside(*arguments, **named)
 
     return run
 
@@ -86,8 +89,20 @@ def _for_each(function: Callable[..., PyTree], moved: PyTree, batch: PyTree, fix
 
 
 def _batch_of(tangents: PyTree) -> PyTree | None:
-    """Tangents along a first axis, of those that are traced in a batch; else None."""
-    found: list[PyTree] = []
+    """Tangents along a first axis, of those that are traced in a batch and for no derivative; else None.
+
+    Which they are is told by the rules of two functions that change nothing.
+    """
+    found, moved, tangents = list[PyTree](), list[bool](), jax.tree.map(jnp.asarray, tangents)
+
+    @jax.custom_jvp
+    def watched(tangents: PyTree) -> PyTree:
+        return tangents
+
+    @watched.defjvp
+    def _watch(primals: tuple[PyTree], tangents: tuple[PyTree]) -> tuple[PyTree, PyTree]:
+        moved.append(True)
+        return primals[0], tangents[0]
 
     @jax.custom_batching.custom_vmap
     def looked_at(tangents: PyTree) -> PyTree:
@@ -96,10 +111,12 @@ def _batch_of(tangents: PyTree) -> PyTree | None:
     @looked_at.def_vmap
     def _look(size: int, batched: list[PyTree], tangents: PyTree) -> tuple[PyTree, PyTree]:
         whole = jax.tree.map(lambda x, has: x if has else jnp.broadcast_to(x, (size, *x.shape)), tangents, batched[0])
-        found.append(whole)
+        found.extend([whole] * (size > 0))
         return tangents, batched[0]
 
-    looked_at(tangents)
+    watched(tangents)
+    if not moved:
+        looked_at(tangents)
     return found[0] if found else None
 
 

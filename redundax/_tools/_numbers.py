@@ -428,9 +428,9 @@ _RECENT = 128  # structures of which one function is kept traced
 class Kind(NamedTuple):
     """What is traced, which decides how it is compiled, and when programs take over from NumPy."""
 
-    loops: bool = True  # turn often, and become programs of their own
-    is_single: bool = True  # it has one way to go, in which it is traced as one sample
-    times: float = 1.0  # as long as in little time and forward, by equation, it compiles
+    loops: bool = True  # it has some that turn often, and become programs of their own
+    is_single: bool = True  # it is traced as one sample
+    times: float = 1.0  # how long an equation compiles, by that of a value in little time
     is_large: bool = False  # it is compiled in order and with all optimisation
 
 
@@ -487,8 +487,8 @@ def as_program(
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
     and with all optimisation once they have run for `LONG`. What is `LARGE`, and one call of which may run for long, is
-    compiled with all optimisation as soon as it would take longer. What goes in `REVERSE`, which would take minutes,
-    never is.
+    compiled with all optimisation as soon as it would take longer. Derivatives, `FORWARD` and
+    `REVERSE`, which would take minutes, never are.
     """
     first, fast = (traced or compiled)(function), compiled(function, runs_long=True)
     recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
@@ -504,7 +504,7 @@ def as_program(
         try:
             with jax.core.eval_context():
                 own = _kept(recent, key, lambda: _Traced(function, arguments, kind))
-                if kind is not STEPS or own.spent <= LONG:
+                if kind != STEPS or own.spent <= LONG:
                     return own([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))

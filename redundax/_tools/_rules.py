@@ -6,10 +6,11 @@ that are given stay as they are.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import Any
 
 import jax
 import numpy as np
+from jax.core import ShapedArray
 
 from ._rule import AtPlaces, Computed, Entries, NoRuleError, Parameters, Shapes, clamped
 from ._rules_of_factors import cholesky, eigh, lu_factors, lu_permutation, or_nan, qr, svd, triangular_solve
@@ -391,10 +392,10 @@ def _of_samples(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """One of Equinox's own in a batch, sample by sample."""
     axes, size = parameters["__batch_axes"], parameters["__axis_size"]
 
-    def one(x: Any, axis: int | None) -> jax.ShapeDtypeStruct:
-        return jax.ShapeDtypeStruct(x.shape if axis is None else np.delete(x.shape, axis), x.dtype)
+    def one(x: ShapedArray, axis: int | None) -> ShapedArray:
+        return ShapedArray(tuple(size for k, size in enumerate(x.shape) if k != axis), x.dtype)
 
-    shapes = cast(Shapes, [*map(one, of, axes)]), cast(Shapes, [one(x, 0) for x in to])
+    shapes = [*map(one, of, axes)], [one(x, 0) for x in to]
     rule = RULES[parameters["prim"].name](dict(parameters["params"]), *shapes)
     if isinstance(rule, AtPlaces) or len(to) != 1:
         raise NoRuleError

@@ -317,3 +317,17 @@ def test_the_error_of_energy_of_what_stands_is_that_of_a_motion():
     rod = rx.Mechanism([rx.Body("rod", 1.5, 0.1)], [pin], gravity=(0.0, -9.81))
     hangs = rx.simulate(rod, rx.State(jnp.array([0.0, -0.4, 0.0]), jnp.zeros(3)), 1.0, ts=[1.0])
     assert hangs.stats.energy_error < 1e-12
+
+
+@pytest.mark.slow
+def test_a_number_that_a_load_of_the_user_holds_moves_a_motion():
+    """qd = c sin t / 2, in forward mode, where that number is no argument of the motion."""
+
+    def speed(c):
+        guide = lambda q, t, p: q[1:]  # noqa: E731
+        pull = lambda q, qd, t, p: jnp.stack([c * jnp.cos(t), 0.0 * t])  # noqa: E731
+        system = rx.System(mass=jnp.array([2.0, 1.0]), constraint=guide, load=pull)
+        start = rx.State(jnp.zeros(2), jnp.zeros(2))
+        return rx.simulate(system, start, 0.1, ts=[0.1], adjoint=diffrax.ForwardMode()).qd[0, 0]
+
+    assert jax.jvp(speed, (3.0,), (1.0,))[1] == pytest.approx(np.sin(0.1) / 2, rel=1e-9)

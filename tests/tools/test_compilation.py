@@ -299,6 +299,11 @@ def test_forward_mode_alone_has_the_derivatives_of_the_function(quick):
     many = jax.vmap(lambda v: jax.vmap(lambda w: jax.jvp(summed, (x,), (v + w,))[1])(jnp.eye(3)))(jnp.eye(3))
     np.testing.assert_allclose(many, by_one + by_one[:, None])
     assert jax.jvp(lambda c: summed(c * x), (2.0,), (1.0,))[1] == 12 * x**3 @ y
+    for by_tangent in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(by_tangent(lambda v: jax.jvp(summed, (x,), (v,))[1])(y), by_one)
+    numbers = jax.vmap(lambda v: jax.jvp(lambda c, d: summed(c * x + d), (2.0, 0.0), (v, 1.0))[1])(jnp.arange(2.0))
+    np.testing.assert_allclose(numbers, 12 * x**2 @ y + np.arange(2) * (12 * x**3 @ y))
+    assert jax.jacfwd(lambda none: summed(x + jnp.sum(none)))(jnp.zeros(0)).shape == (0,)
     if not quick:  # programs with options of their own have no derivatives in reverse
         np.testing.assert_allclose(jax.grad(summed)(x), by_one)
         np.testing.assert_allclose(jax.hessian(summed)(x), np.diag(6 * x * y))
