@@ -222,7 +222,9 @@ class Report:
         lines += _listed("  not unique:", free)
         if self.undetermined:
             lines += _listed("  without a value here, unbounded beside it or of unknown limit:", self.undetermined)
-        if self.unit_dependent:
+        if self.unit_dependent and {*self.unit_dependent} == {*free, *self.undetermined}:
+            lines.append("  of all these the minimum norm depends on the unit of length")
+        elif self.unit_dependent:
             lines += _listed("  of these the minimum norm depends on the unit of length:", self.unit_dependent)
         if any("." in row for row in self.rows):
             lines += _listed("  joints whose whole reaction is unique:", self.unique_reactions)

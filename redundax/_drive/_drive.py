@@ -103,13 +103,15 @@ def drive(
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
-    names, start, by_laws = system.names, None, False
+    names, start, contacts = system.names, None, None
     if names.one_sided and are_known(driven := with_laws(system, laws), ts, q):
         start = started(driven, laws, ts, q, throw)
         none = of_contacts(names, np.zeros(len(names.one_sided), bool))
         held = laws_and_held(system, laws, hold, start)
-        by_laws = decide(with_laws(as_closed(system.whole, none), held), start)
-        names = none if by_laws else of_closed_contacts(system, start)
+        if decide(with_laws(as_closed(system.whole, none), held), start):
+            names, contacts = none, (system, start)
+        else:
+            names = of_closed_contacts(system, start)
     path = along(as_closed(system, names), laws, ts, q, hold, throw, start)
     if not are_known(path, closure):
         _refuse_contacts(system.names)
@@ -121,7 +123,6 @@ def drive(
             '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
         )
     path, said = until_reached(system, names, path, throw) if are_known(path) else (path, ())
-    contacts = (system, start) if by_laws else None
     if not isinstance(closure, LeastPeak):
         run = _solved(path, names, closure, solver, throw, contacts)
         return replace_fields(run, remarks=(*run.remarks, *said)) if said else run

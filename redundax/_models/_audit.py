@@ -51,8 +51,8 @@ class Look:
     is_singular: bool
     stress: np.ndarray
     blur: float
+    scales: np.ndarray
     digits: float = 0.0
-    scales: np.ndarray | None = None
 
     @property
     def figures(self) -> tuple[int, int]:
@@ -66,8 +66,15 @@ class Look:
 
     def dimensions(self, rows: Sequence[int]) -> list[int]:
         """How many dimensions of the multipliers of some rows are unique, and of how many."""
-        rank = np.sum(np.linalg.svd(self.stress[list(rows)], compute_uv=False) > self.blur) if rows else 0
-        return [len(rows) - int(rank), len(rows)]
+        return [len(self.known(rows)), len(rows)]
+
+    def known(self, rows: Sequence[int]) -> np.ndarray:
+        """The combinations of multipliers of some rows of one kind that are unique, of unit length, one a row."""
+        if not rows:
+            return np.zeros((0, 0))
+        left, values, _ = np.linalg.svd(self.stress[list(rows)])
+        of_scaled = left[:, int(np.sum(values > self.blur)) :]
+        return np.linalg.qr(of_scaled * self.scales[list(rows), None])[0].T
 
     def groups(self) -> list[np.ndarray]:
         """Rows that are coupled by self-stress, group by group."""
@@ -88,6 +95,7 @@ class Part:
 
     - `force`, `moment`: unique dimensions, and of how many.
     - `loose`: names of its multipliers that are not unique; `here_alone`: of those that are so at this position alone.
+    - `known`: combinations of those that are not unique which are, "force" or "moment" and coefficients by name.
     """
 
     name: str
@@ -96,6 +104,7 @@ class Part:
     moment: list[int]
     loose: tuple[str, ...]
     here_alone: tuple[str, ...]
+    known: tuple[tuple[str, dict[str, float]], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,6 +222,7 @@ def _part_as_dict(part: Part) -> dict[str, Any]:
         "kind": part.kind,
         "unique_dimensions": {"force": part.force, "moment": part.moment},
         "not_unique": list(part.loose),
+        "unique_combinations": [{"kind": kind, "shares": shares} for kind, shares in part.known],
         "unique_at_this_position_alone": list(part.here_alone),
     }
 
@@ -296,14 +306,22 @@ def _parts(system: AbstractSystem, here: Look, loose: np.ndarray) -> tuple[Part,
     for name, rows in members.items():
         force, moment = ([k for k in rows if kinds[k] == wanted] for wanted in ("force", "moment"))
         own, elsewhere = ([k for k in rows if flags[k]] for flags in (~here.unique, loose & here.unique))
+        labels = [label.rpartition(".")[2] for label in system.rows.labels]
+        known = []
+        for kind, of_kind in (("force", force), ("moment", moment)):
+            left = [k for k in own if k in of_kind]
+            known += [
+                (kind, dict(zip([labels[k] for k in left], one, strict=True))) for one in here.known(left).tolist()
+            ]
         parts.append(
             Part(
                 name,
                 words.get(name, ""),
                 here.dimensions(force),
                 here.dimensions(moment),
-                tuple(system.rows.labels[k].rpartition(".")[2] for k in own),
-                tuple(system.rows.labels[k].rpartition(".")[2] for k in elsewhere),
+                tuple(labels[k] for k in own),
+                tuple(labels[k] for k in elsewhere),
+                tuple(known),
             )
         )
     return tuple(parts)

@@ -289,10 +289,11 @@ def _joints(found: Audit, where: str, everything: bool) -> Iterator[str]:
         yield from wrapped(start + ", ".join(names if everything else series(names)), subsequent_indent=indent)
     used = {row.partition("_")[0] for part in found.parts for row in part.loose}
     notes = [f"{row}: {what}" for row, what in _ROWS.items() if row in used]
-    notes += ["*: one combination of those named is unique"] if any(_is_mixed(part) for part in found.parts) else []
+    notes += ["*: a combination of those named is unique"] if any(part.known for part in found.parts) else []
     here = where if found.regular is found.here else "the first of the other positions"
     notes += [f"here alone: at {here}, and not at others"] if 4 in shown else []
     yield from wrapped("; ".join(notes))
+    yield from wrapped("; ".join(_known(found, everything)))
     if not everything:  # which lists the directions of all rows
         yield from wrapped("".join(_without_axis(found)))
 
@@ -307,14 +308,24 @@ def _without_axis(found: Audit) -> Iterator[str]:
         yield f"; {len(parts) - _MOST} more in --all"
 
 
-def _is_mixed(part: Part) -> bool:
-    """Whether more rows are not unique than dimensions."""
-    return len(part.loose) > sum(of - own for own, of in (part.force, part.moment))
+def _known(found: Audit, everything: bool) -> Iterator[str]:
+    """What is unique of forces and moments of joints whose rows alone are not."""
+    parts = [part for part in found.parts if part.known]
+    for k, part in enumerate(parts if everything else parts[:_MOST]):
+        told = []
+        for kind, shares in part.known:
+            rows = np.array([found.directions[f"{part.name}.{row}"] for row in shares])
+            along = np.array([*shares.values()]) @ rows
+            way = vector(along * np.sign(along[np.argmax(np.abs(along))]))
+            told.append(f"{kind} {'about' if kind == 'moment' else 'along'} {way}")
+        yield f"{'' if k else 'Unique of those: '}{part.name}: {', '.join(told)}"
+    if len(parts) > _MOST and not everything:
+        yield f"{len(parts) - _MOST} more in --all"
 
 
 def _cells(part: Part) -> tuple[str, ...]:
     force, moment = (f"{own} of {of}" if of else "-" for own, of in (part.force, part.moment))
-    loose = ", ".join(part.loose) + (" *" if _is_mixed(part) else "")
+    loose = ", ".join(part.loose) + (" *" if part.known else "")
     return part.kind, force, moment, loose or "-", ", ".join(part.here_alone)
 
 

@@ -478,7 +478,7 @@ def test_loops_of_few_digits_close_as_nearly_as_they_can(write):
 
 
 def test_positions_that_do_not_agree_are_undecided():
-    here = Look(4, 1, 2, 0.5, 1e-16, True, False, np.zeros((5, 5)), 1e-12)
+    here = Look(4, 1, 2, 0.5, 1e-16, True, False, np.zeros((5, 5)), 1e-12, np.ones(5))
     other = dataclasses.replace(here, rank=5, redundancy=0, freedom=1)
     assert Audit((), here, (here,), (), ()).is_decided
     assert not Audit((), here, (here, other), (), ()).is_decided

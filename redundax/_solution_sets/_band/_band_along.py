@@ -276,7 +276,7 @@ def band_along(
 
     Each state stands for itself, with the velocity and the loads that it has at its time. Give slow velocities on the
     way and none where it stops. A drive is best a driver with a law of time: its load is a multiplier, such as
-    "motor.angle", and bands at rest tell what it needs to hold the mechanism.
+    "motor.angle" in the plane or "motor.twist" in space, and bands at rest tell what it needs to hold the mechanism.
 
     ??? example
 
