@@ -18,12 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import Elasticity, elasticity
+from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._gaps import model_of_all
 from .._equations._kinematics import prescribed_rate
 from .._equations._scaling import Scaling, largest_violation, scaling
 from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, contradicted, of_rows, size_along
+from .._solve._play import at_sides
 from .._solvers._friction_problem import Law
 from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._friction import Friction, load_rows
@@ -108,7 +109,8 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     calm = (2 * tolerance_of(GAP, rebound)) ** 0.5 * equations.speed  # it would rise by no more than counts as a gap
     bounce = xp.where(rebound > calm, rebound * take(scales.rows, rows), 0.0)
     right = jacobian @ state.qd - model.motion.rate
-    right, chosen = entries_set(right, rows, take(right, rows) - bounce), elasticity(equations.closure, system, state)
+    right = entries_set(right, rows, take(right, rows) - bounce)
+    chosen, play = equations.closing(state), equations.play
     # What an impact leaves of the slip of joints that stuck is not known from before.
     sense = xp.where(strikes, 1.0, equations.sense)
     known = are_known(equations, state, restitution)
@@ -118,22 +120,30 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
         last = place == _GOES_ON
         at = replace_fields(state, qd=xp.where(last, now.qd, state.qd))
         wanted = cond(last, lambda: model_of_all(system, at).motion.gamma, lambda: right)
+        # Impulses are beyond what misfit and play make of loads.
         fits = Elasticity(chosen.compliance, xp.where(last, chosen.misfit, 0.0))
+        loose = None if play is None else replace_fields(play, clearance=xp.where(last, play.clearance, 0.0))
         there = equations.with_sense(xp.where(last, sense, equations.sense))
         instant = Instant(~last, model.mass @ state.qd, wanted, there)
         parts = rate + take(jacobian @ (now.qd - state.qd) / scales.rows, rows)
         closed = near & (~last | (parts >= -slow))
         taken = xp.where(last, tolerance_of(TAKEN, rate), largest_violation(rate.dtype))
         asked = Asked(closed, closed & (~last | strikes | before.loaded), (jacobian, wanted, scales), last, taken)
-        of_set = of_rows(partial(at_instant, stop_gradient(instant)), caches[int(last)] if known else None)
+        alone = at_sides(loose, partial(at_instant, stop_gradient(instant)))
+        of_set = of_rows(alone, caches[int(last)] if known else None)
         active = active_set(system, at, fits, of_set, asked)
         kept = xp.where(place == _HOLDS, now.kept, active.kept)
+        if play is not None:  # of which the part crosses a clearance, as this contact has just lost its load
+            idle = take(equations.touching.kept, rows) & ~before.loaded & active.decided
+            idle = idle & (active.contacts == code_of(Contact.touches)) & last & ~strikes
+            kept = kept & ~entries_set(xp.zeros_like(kept), rows, idle)
         factor, solution, _, found = of_set(system, at, fits, kept, instant)
         stays = near & (take((right - jacobian @ solution.acceleration) / scales.rows, rows) < calm)  # as for rebounds
         onward = _Now(
             xp.where(strikes & ~last, solution.acceleration, now.qd),
             active.kept | rows_that_hold(system.names, stays, stays),
         )
+        found = found & ~differs(solution.result, RESULTS.successful)
         return onward, _Turn(solution, factor, kept, active, found)
 
     begin = _Now(state.qd, xp.zeros_like(right, bool))

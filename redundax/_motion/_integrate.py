@@ -15,7 +15,7 @@ from .._equations._kinematics import slip_motion
 from .._equations._matrices import matrices_of
 from .._equations._response import AbstractSolvedFactorisation
 from .._equations._scaling import largest_violation, scaling
-from .._solve._contacts import CLEAR
+from .._solve._contacts import CLEAR, have_no_gap
 from .._solve._play import at_sides
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
@@ -89,10 +89,14 @@ def _integrate(
     t1, ts = (xp.where(ordered, t, state.t) for t in (course.t1, within(state.t, course.t1, given)))
     state = replace_fields(state, q=xp.where(ordered, state.q, xp.nan))
     held = hold(system, state, factor, course.redundancy, singular=course.singular)
-    equations = _equations(system, state, factor, closure, course.stabilisation, t1)
+    state, speed = _speed(state, factor, t1)
+    equations = _equations(system, speed, factor, closure, course.stabilisation)
     if course.restitution is not None:
         equations = replace_fields(equations, scaling=scaling(system, model_of_all(system, state)))
+    whole = stop_gradient(t1 - state.t)
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
+    if course.dt0 is None:  # as the shortest is a part of it
+        first = xp.where(whole > 0, xp.minimum(first, whole), first)
     longest = None if course.restitution is None else _LONGEST * (t1 - state.t)
     tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     jumps = None if course.jump_ts is None else told_apart(course.jump_ts)
@@ -173,9 +177,9 @@ def _with_contacts(
     """The run before its first phase, which begins with an event of the contacts that are closed; and whether none of
     them overlap."""
     system, ts = equations.system, before.path.work
-    rows, near, none = np.array(system.names.one_sided), largest_violation(state.qd.dtype), before.t != before.t
-    gap = take(-model_of_all(system, state).motion.value / equations.scaling.rows, rows)
-    which = gap < near * equations.scaling.size
+    rows, none, model = np.array(system.names.one_sided), before.t != before.t, model_of_all(system, state)
+    which = take(have_no_gap(model, equations.scaling), rows)
+    gap = take(-model.motion.value / equations.scaling.rows, rows) / equations.scaling.size
     holds = xp.asarray(~system.names.is_one_sided)
     touch = Touch(holds, which & none, rank, equations.sense != equations.sense)
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
@@ -185,24 +189,30 @@ def _with_contacts(
     )
     good = as_numbers(RESULTS.successful)
     contacts = Contacts(touch, Hit(state.t, which), ~none, ~none, good, path, impacts)
-    within = xp.all(gap >= -near * equations.scaling.size)
+    within = xp.all(gap >= -largest_violation(gap.dtype))
     plan = before.plan._replace(time=state.t)
     before = before._replace(contacts=contacts, begun=before.begun - 1, plan=plan)
     return before, chosen(within, good, RESULTS.violated_constraints)
 
 
+def _speed(state: State, factor: AbstractSolvedFactorisation, t1: Array) -> tuple[State, Float[Array, ""]]:
+    """The state, at rest where its velocity moves nothing up to the end but by rounding; a speed of the mechanism."""
+    scale, qd = factor.scaling, stop_gradient(state.qd)
+    reach = xp.max(xp.abs(factor.acceleration) / scale.coordinates)
+    speed = stop_gradient(xp.max(xp.abs(qd) / scale.coordinates) + xp.sqrt(reach * scale.size))
+    slow = stop_gradient(scale.size / xp.where(t1 > state.t, t1 - state.t, 1.0))
+    moves = speed > float(xp.finfo(speed.dtype).eps) * slow
+    return replace_fields(state, qd=state.qd - xp.where(moves, 0.0, qd)), xp.where(moves, speed, slow)
+
+
 def _equations(
     system: AbstractSystem,
-    state: State,
+    speed: Float[Array, ""],
     factor: AbstractSolvedFactorisation,
     closure: AbstractClosure,
     stabilisation: AbstractStabilisation,
-    t1: Array,
 ) -> Equations:
     scale = factor.scaling
-    reach = xp.max(xp.abs(factor.acceleration) / scale.coordinates)
-    speed = xp.max(xp.abs(state.qd) / scale.coordinates) + xp.sqrt(reach * scale.size)
-    slow = scale.size / xp.where(t1 > state.t, t1 - state.t, 1.0)
     angular = np.asarray(system.slips.angular)
     return Equations(
         system,
@@ -211,7 +221,7 @@ def _equations(
         stabilisation,
         xp.ones_like(scale.length, shape=angular.size),
         scale,
-        stop_gradient(xp.where(speed > 0, speed, slow)),
+        speed,
         xp.where(angular, scale.length, 1.0),
         stop_gradient(directions_of(system.friction)),
         have_sense(system.friction),

@@ -9,6 +9,7 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple, cast
 
@@ -24,7 +25,8 @@ from .._equations._factorisation import Factorisation, factorised
 from .._equations._kinematics import chart_rate, displacement, prescribed_rate
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
-from .._solve._play import at_own_sides
+from .._solve._contacts import with_rows
+from .._solve._play import at_own_sides, fitted, two_sided, with_play_of_contacts
 from .._solvers._friction_problem import AbstractFrictionProblem, Law
 from .._solvers._product_problem import friction_problem
 from .._solvers._solver import AbstractSolver, closed_root
@@ -170,9 +172,22 @@ class Equations(AbstractModule):
             return self
         return replace_fields(self, system=self.system.opened(touch.kept), touch=touch)
 
+    @property
+    def play(self) -> Play | None:
+        """That of the closure, of rows that push both ways."""
+        return two_sided(self.closure.clearances(self.system), self.system.names.one_sided)
+
+    def closing(self, state: State) -> Elasticity:
+        """Compliance and misfit of the closure, in which contacts have their play."""
+        chosen, clearances = (
+            elasticity(self.closure, self.system, state, play=True),
+            self.closure.clearances(self.system),
+        )
+        return with_play_of_contacts(chosen, clearances, self.system.names.one_sided)
+
     def elasticity(self, state: State) -> Elasticity:
-        """Compliance and misfit of the closure, of the rows that hold."""
-        chosen = elasticity(self.closure, self.system, state, play=True)
+        """The same of the rows that hold."""
+        chosen = self.closing(state)
         return chosen if self.touch is None else without_rows(chosen, self.touch.kept)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
@@ -200,11 +215,6 @@ class Equations(AbstractModule):
         return Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, memory)
 
     @property
-    def play(self) -> Play | None:
-        """That of the closure."""
-        return self.closure.clearances(self.system)
-
-    @property
     def loaded(self) -> bool:
         """Whether any friction depends on loads."""
         return any(group.rows.size for group in self.system.friction)
@@ -218,12 +228,14 @@ class Equations(AbstractModule):
         sides at which these stand.
         """
         factor = factorize_held(self.system, state, held) if factor is None else factor
-        if closed and self.play is not None:
-            return self._at_sides(state, held, factor)
-        return self._linear(state, factor, closed=closed)
+        return self.fitted(state, held, factor)[0] if closed else self._linear(state, factor, closed=False)
 
-    def _at_sides(self, state: State, held: AnyHeld, factor: AnyHeldFactorisation) -> AnyLinear:
-        """`linear` with multipliers of joints with play."""
+    def fitted(
+        self, state: State, held: AnyHeld, factor: AnyHeldFactorisation
+    ) -> tuple[AnyLinear, Callable[[Float[Array, " m"]], Elasticity]]:
+        """`linear`, and the closure of all rows, open ones too, that multipliers have at the sides of play."""
+        if self.play is None:
+            return self._linear(state, factor, closed=True), lambda _: self.closing(state)
         linear, gamma = self._linear(state, factor, closed=False), self.stabilisation.gamma(factor.motion)
         fixed = stop_gradient((self, linear, gamma))
         rank = gamma.size - jnp.round(jnp.trace(cast(Held, held).projector)).astype(int)
@@ -236,8 +248,14 @@ class Equations(AbstractModule):
 
         whole = factorised(self.system, state, rank)
         given = self.system, state, whole, self.elasticity(state)
-        without, chosen, settled, _ = at_own_sides(cast(Play, self.play), solved, given)
-        return _closed(linear, gamma, without, chosen._replace(misfit=nan_where(~settled, chosen.misfit)))
+        without, chosen, settled, at = at_own_sides(self.play, solved, given)
+        linear = _closed(linear, gamma, without, chosen._replace(misfit=nan_where(~settled, chosen.misfit)))
+
+        def fits(multipliers: Float[Array, " m"]) -> Elasticity:
+            own, every = fitted(chosen, *at, multipliers), self.closing(state)
+            return own if self.touch is None else with_rows(own, self.touch.kept, every)
+
+        return linear, fits
 
     @eqx.filter_jit  # traced once, for the places that it stands in
     def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> AnyLinear:

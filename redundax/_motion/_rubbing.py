@@ -19,6 +19,7 @@ from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_gamma, slip_motion
 from .._equations._response import LinearResponse, Response
 from .._system._results import RESULTS
+from .._system._results import chosen as chosen_result
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
@@ -42,8 +43,8 @@ class Instant(NamedTuple):
 
 
 class AtInstant(NamedTuple):
-    """Accelerations and multipliers, or velocities after an impact and impulses; and which joints stick, where any can;
-    no `result` is a failure."""
+    """Accelerations and multipliers, or velocities after an impact and impulses; which joints stick, where any can; and
+    whether they are found."""
 
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
@@ -58,9 +59,9 @@ def at_instant(
     factor: Factorisation,
     chosen: Elasticity,
     given: Instant | None = None,
-) -> tuple[AtInstant, Elasticity, Bool[Array, ""]]:
-    """The solution of the rows of the system, its closure, and whether it is found, as `of_rows` asks for them; of what
-    is given, with its derivatives, or else of the same `fixed`."""
+) -> AtInstant:
+    """The solution of the rows of the system, as `at_sides` asks for it; of what is given, with its derivatives, or
+    else of the same `fixed`."""
     asked = fixed if given is None else given
     impact, has_sense = asked.is_impact, asked.equations.has_sense
     brief = xp.where(impact, _INSTANT, 1.0)
@@ -84,7 +85,8 @@ def at_instant(
         *free, mode, decided = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)
     found = decided & xp.all(xp.isfinite(a)) & xp.all(xp.isfinite(lam))
-    return AtInstant(a, lam, mode, as_numbers(RESULTS.successful)), chosen, found
+    good, bad = as_numbers((RESULTS.successful, RESULTS.not_finite))
+    return AtInstant(a, lam, mode, chosen_result(found, good, bad))
 
 
 @as_program

@@ -20,7 +20,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import elasticity
 from .._equations._kinematics import along_motion
 from .._solve._contacts import OUTSIDE
 from .._tools._numbers import as_program, or_one, xp
@@ -88,11 +87,11 @@ def margins(
     motion = along_motion(every, state)
     gap, rate = -(motion.value / scale.rows)[rows] / scale.size, (motion.rate / scale.rows)[rows] / equations.speed
     factor = cast(HeldFactorisation, factorize_held(system, state, context.held))
-    linear = equations.linear(state, context.held, factor)
+    linear, fits = equations.fitted(state, context.held, factor)
     solved = equations.solved(state, linear, context.tau, context.along)
     force = scale.rows * solved.multipliers
     size = or_one(jnp.maximum(jnp.max(jnp.abs(force)), jnp.max(jnp.abs(scale.coordinates * linear.load))))
-    compliance, misfit = elasticity(equations.closure, system, state)
+    compliance, misfit = fits(solved.multipliers)
     bent = compliance @ solved.multipliers - misfit
     jacobian = every.jacobian(y.q, t)
     strain = bent - jacobian @ factor.nearest(jnp.where(kept, bent, 0.0))

@@ -171,15 +171,20 @@ def contacts_at(system: AbstractSystem, state: State) -> tuple[Bool[Array, " c"]
     return closed, (model.jacobian, model.motion.gamma, scales)
 
 
+def have_no_gap(model: Model, scales: Scaling) -> Bool[Array, " m"]:
+    """Which rows have none but what a state may be off the constraints: one decision of `solve` and of motions."""
+    value = model.motion.value / scales.rows / scales.size
+    return value > -largest_violation(value.dtype)
+
+
 def _closed(model: Model, scales: Scaling, state: State) -> Bool[Array, " m"]:
     """Which rows have neither a gap nor a velocity that opens one, relative to velocities and to those that loads cause
     over the size of the mechanism: what is left of a motion that has come to rest opens none."""
     tolerance, mass = largest_violation(state.qd.dtype), xp.diagonal(model.mass)
-    position = model.motion.value / scales.rows / scales.size
     pulled = xp.where(mass > 0, model.load / or_one(mass), 0.0)
     reach, speed = (xp.max(xp.abs(x / scales.coordinates), initial=0.0) for x in (pulled, state.qd))
     speed = speed + xp.sqrt(reach * scales.size)
-    return (position > -tolerance) & (model.motion.rate / scales.rows >= -tolerance * speed)
+    return have_no_gap(model, scales) & (model.motion.rate / scales.rows >= -tolerance * speed)
 
 
 class Signs(NamedTuple):

@@ -32,7 +32,6 @@ from .._closures._play import Play
 from .._equations._factorisation import Factorisation
 from .._equations._unloaded import among_unloaded, unloaded
 from .._system._results import RESULTS, differs
-from .._tools._module import replace_fields
 from .._tools._numbers import fori_loop, or_one, stop_gradient, take, while_loop, xp
 
 _SPLITTINGS = 20  # steps before each of Newton's, which has its region of convergence then in most cases
@@ -153,18 +152,22 @@ class _Clearance:
         return xp.where(gaps > 0, xp.sqrt(share * wanted), share)
 
 
-def apart_from_contacts(
-    play: Play | None, one_sided: tuple[int, ...], elasticity: Elasticity
-) -> tuple[Play | None, Elasticity]:
-    """Play of rows that push both ways; that of contacts, which stand at one side, is a misfit."""
-    if play is None:
-        return None, elasticity
+def two_sided(play: Play | None, one_sided: tuple[int, ...]) -> Play | None:
+    """Play of rows that push both ways."""
+    both = [] if play is None else [k for k, rows in enumerate(play.rows) if rows[0] not in one_sided]
+    if play is None or not both:
+        return None
+    return Play(take(play.clearance, np.array(both)), tuple(play.rows[k] for k in both))
+
+
+def with_play_of_contacts(elasticity: Elasticity, play: Play | None, one_sided: tuple[int, ...]) -> Elasticity:
+    """The closure in which play of contacts, which stand at one side, is a misfit."""
+    if play is None or not one_sided:
+        return elasticity
     misfit = xp.broadcast_to(elasticity.misfit, elasticity.compliance.shape[:1])
     contacts = np.isin(np.arange(misfit.size), one_sided)
     misfit = misfit - xp.where(contacts, play.of_rows(misfit.size).astype(misfit.dtype), 0.0)
-    both = [k for k, rows in enumerate(play.rows) if not contacts[rows[0]]]
-    left = Play(take(play.clearance, np.array(both)), tuple(play.rows[k] for k in both)) if both else None
-    return left, Elasticity(elasticity.compliance, misfit)
+    return elasticity._replace(misfit=misfit)
 
 
 def at_sides(play: Play | None, solved: Callable[..., Any]) -> Callable[..., tuple[Any, Elasticity, Bool[Array, ""]]]:
@@ -180,11 +183,7 @@ def at_sides(play: Play | None, solved: Callable[..., Any]) -> Callable[..., tup
             play, solved, (system, state, factor, elasticity, *more)
         )
         solution = solved(system, state, without, closure, *more)
-        counts = {name: getattr(factor, name) for name in ("spectrum", "redundancy", "freedom")}
-        gaps = xp.where(sides.zero, clearance.gaps(sides, solution.multipliers), 0.0)
-        misfit = closure.misfit - gaps - clearance.outside(solution.multipliers)
-        solution = replace_fields(solution, stats=replace_fields(solution.stats, **counts))
-        return solution, Elasticity(closure.compliance, misfit), settled
+        return solution, fitted(closure, sides, clearance, solution.multipliers), settled
 
     return run
 
@@ -197,6 +196,12 @@ def at_own_sides(
     turn, (_, _, factor, elasticity, *_) = _found(play, solved, given), given
     sides, clearance = stop_gradient(turn.sides), _Clearance(play, factor, elasticity)
     return unloaded(factor, sides.zero), clearance.closure(sides), turn.settled, (sides, clearance)
+
+
+def fitted(closure: Elasticity, sides: Sides, clearance: _Clearance, multipliers: Array) -> Elasticity:
+    """The closure at sides in which the misfit of what carries nothing is where it stands: W lam - d fits Phi_q u."""
+    gaps = xp.where(sides.zero, clearance.gaps(sides, multipliers), 0.0)
+    return closure._replace(misfit=closure.misfit - gaps - clearance.outside(multipliers))
 
 
 def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:

@@ -60,7 +60,7 @@ from .._tools._numbers import (
     xp,
 )
 from ._contacts import active_set, all_kept, of_rows
-from ._play import apart_from_contacts, at_sides
+from ._play import at_sides, two_sided, with_play_of_contacts
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -196,8 +196,9 @@ def _with_contacts(
 
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
-        play, chosen = apart_from_contacts(play, system.names.one_sided, elasticity(closure, system, at, play=True))
-        of_set = of_rows(at_sides(play, alone), {} if known else None)
+        rows = system.names.one_sided
+        chosen = with_play_of_contacts(elasticity(closure, system, at, play=True), play, rows)
+        of_set = of_rows(at_sides(two_sided(play, rows), alone), {} if known else None)
         found = active_set(system, at, chosen, of_set) if system.names.one_sided else all_kept(len(system.rows))
         factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
         settled = found.settled & is_found
@@ -211,7 +212,12 @@ def _with_contacts(
         friction=tau,
         contact=found.contacts,
         result=chosen_result(settled, solution.result, RESULTS.contacts_undecided),
-        stats=replace_fields(solution.stats, redundancy=solution.stats.redundancy - left),
+        stats=replace_fields(
+            solution.stats,
+            spectrum=factor.spectrum,
+            redundancy=factor.redundancy - left,
+            freedom=factor.freedom,
+        ),
     )
     return (as_arrays(solution) if known and not is_computing() else solution), factor
 

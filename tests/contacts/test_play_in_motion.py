@@ -126,7 +126,9 @@ def test_loads_of_motions_with_play_in_batches_and_their_derivatives():
 
 
 def test_what_motions_with_play_cannot_be_asked():
-    foot = rx.PinInSlot("foot", "b", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), one_sided=True)
-    falls = rx.Mechanism([rx.Body("b", 1.0, 0.1)], [foot])
-    with pytest.raises(rx.RedundaxError, match="without one-sided contacts"):
-        rx.simulate(falls, start(), 1.0, closure=rx.ElasticJoints(falls, {"foot": 1e-6}, play={"foot": 1e-5}))
+    body = rx.spatial.Body("b", 1.0, (0.1, 0.1, 0.1))
+    ball = rx.spatial.Spherical("ball", body, "ground", (0.0, 0.0, 0.0), ball_radius=0.01, friction=rx.Coulomb(0.1))
+    hangs = rx.Mechanism([body], [ball])
+    joints = rx.ElasticJoints(hangs, {"ball": 1e-6}, play={"ball": 1e-5})
+    with pytest.raises(rx.RedundaxError, match="without friction of sleeves, balls"):
+        rx.simulate(hangs, rx.assemble(hangs), 1.0, closure=joints)
