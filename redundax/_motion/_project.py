@@ -26,6 +26,8 @@ def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Movin
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
 
 
+# Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
+CLOSED = 2e-10, 1e3
 # Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that of the
 # position before; the last moves the velocity alone, as beside a singular position rounding moves positions by more.
 _CHORDS = 5
