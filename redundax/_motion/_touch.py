@@ -6,7 +6,8 @@ only touches, because the others hold it closed, where the closure would load it
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
 passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
-each other, X^T gamma beyond rounding, have no loads that could pass zero. An open contact that the rows that hold
+each other, X^T gamma beyond rounding, have no loads that could pass zero. Soft laws leave a gap
+before that tells. An open contact that the rows that hold
 decide, as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and
 acceleration. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that
 one program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
@@ -49,9 +50,9 @@ _CALM = 1e-12, 1e3
 
 class Margins(NamedTuple):
     """Gaps relative to the size of the mechanism, loads relative to the largest or strains to theirs, accelerations by
-    which others leave a contact, relative to all, or at the end of a step the gap by which they did, and by how much more
-    than rounding others still move it; infinite of contacts that are asked for the other. And gaps of those that hold,
-    minus infinite of others."""
+    which others leave a contact, relative to all, or at the end of a step the gap by which they did, and by how much
+    more than rounding others still move it; infinite of contacts that are asked for the other. And gaps of those that
+    hold, minus infinite of others."""
 
     gap: Float[Array, "*looks c"]
     push: Float[Array, "*looks c"]
@@ -117,7 +118,8 @@ def margins(
     each = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
     idle = holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates)
     moves = jnp.where(idle, jnp.inf, jnp.max(jnp.stack(each), axis=0) - 1)
-    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left, moves, held)
+    gap, push = jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf)
+    return Margins(gap, push, left, moves, held)
 
 
 def _decided(factor: HeldFactorisation, contacts: Float[Array, "c n"], sizes: Float[Array, " n"]) -> Bool[Array, " c"]:
