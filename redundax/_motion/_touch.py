@@ -6,11 +6,11 @@ only touches, because the others hold it closed, where the closure would load it
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
 passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
-each other, X^T gamma beyond rounding, have no loads that could pass zero. Soft laws leave a gap
-before that tells. An open contact that the rows that hold
-decide, as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and
-acceleration. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that
-one program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
+each other, X^T gamma beyond rounding, have no loads that could pass zero. Soft laws leave a gap before that tells. An
+open contact that the rows that hold decide, as a driver that puts a part down, need not pass zero: it closes where it
+comes to rest without gap, rate and acceleration. Each is a margin, positive while the phase goes on. Rows that do not
+hold are zeros (`opened`), so that one program serves all phases. A step that passes an event is not taken; the next one
+ends there, by the dense output.
 """
 
 from collections.abc import Callable
