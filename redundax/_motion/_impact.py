@@ -50,10 +50,12 @@ class Before(NamedTuple):
     - `closed`: contacts that are closed; others are too whose gap is less than `near`, relative to the size of the
       mechanism.
     - `loaded`: those to begin with, where there is no impact.
+    - `leaves`: those that held so far and change: open where others have taken them away by a gap.
     """
 
     closed: Bool[Array, " c"]
     loaded: Bool[Array, " c"]
+    leaves: Bool[Array, " c"]
     near: float
 
 
@@ -102,7 +104,8 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     model, rows = model_of_all(system, state), np.array(system.names.one_sided)
     jacobian, scales = model.jacobian, scaling(system, model)
     rate = take(model.motion.rate / scales.rows, rows)
-    near = before.closed | (take(model.motion.value / scales.rows, rows) > -before.near * scales.size)
+    gap = -take(model.motion.value / scales.rows, rows) / scales.size
+    near = (before.closed | (gap < before.near)) & ~(before.leaves & (gap > tolerance_of(GAP, gap)))
     slow = tolerance_of(NONE, rate) * equations.speed
     strikes = xp.any(near & (rate > slow))
     rebound = restitution * xp.maximum(rate, 0.0)

@@ -24,7 +24,7 @@ from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
 from ._linear import Linear, least_friction
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
-from ._project import brought
+from ._project import brought, project
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
 from ._stepper import Begin, Diagnostics, Stepper
@@ -163,7 +163,11 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     stepper = Stepper(options.solver, options.constant)
     args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
     span, ts = (now.t, end, jnp.minimum(first, end - now.t)), within(now.t, end, options.ts)
-    walked = _steps(stepper, options, span, now.y, args, ts)
+    y = now.y
+    if contacts is not None:  # rows that were let go may have held it off those that hold from here on
+        y = project(equations.system, now.t, y, now.held)
+        y = jax.tree.map(lambda a, b: jnp.where(mode.resting, a, b), now.y, y)
+    walked = _steps(stepper, options, span, y, args, ts)
     t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control
     here = (options.ts >= now.t) & (options.ts <= t)
     after = options.ts >= carried.since
@@ -258,7 +262,8 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     t, y = cond(starts, lambda: (done.t, done.y), lambda: arrived(there, done.t, done.y, context, which))
     loaded = take(touch.kept, np.array(there.system.names.one_sided))
     closed, near = loaded | touch.rests | which, tolerance_of(TOGETHER, done.t)
-    after = settle(there, y.at(t), cast(Array, options.restitution), Before(closed, loaded ^ which, near))
+    before = Before(closed, loaded ^ which, loaded & which, near)
+    after = settle(there, y.at(t), cast(Array, options.restitution), before)
     left = options.controller.end - done.since
     after = after._replace(found=after.found & (starts | ~_goes_round(done, after, there, (t, left))))
     onward = _settled(done._replace(t=t, y=y), after, there, starts)

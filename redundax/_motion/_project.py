@@ -37,6 +37,8 @@ def brought(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld, scale: S
     return as_numbers(moved) if known else moved
 
 
+# Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
+CLOSED = 2e-10, 1e3
 # Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that of the
 # position before; the last moves the velocity alone, as beside a singular position rounding moves positions by more.
 _CHORDS = 5

@@ -23,14 +23,12 @@ from .._tools._numbers import stop_gradient, xp
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
-from ._project import project
+from ._project import CLOSED, project
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
 from ._stick import Mode
 from ._stiffness import Watched, stiff_steps
 from ._touch import first_hit
 
-# Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
-_CLOSED = 2e-10, 1e3
 # Largest change of friction in a step, relative to its size, where it may have several solutions.
 _JUMP = 0.1
 # By how much a step may raise the largest velocity: what grows more is no measure of its error, but unstable.
@@ -348,7 +346,7 @@ def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Arr
     eps = float(jnp.finfo(off.dtype).eps)
     beside = max(_BESIDE[0], _BESIDE[1] * eps ** (1 / 3)) * before.largest
     clear = (end >= _LEFT * before.pivot) & (end >= beside)
-    return (off <= tolerance_of(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
+    return (off <= tolerance_of(CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
 def _error(error: Moving, y: Moving, raw: Moving, equations: Equations) -> Moving:

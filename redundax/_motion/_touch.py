@@ -6,10 +6,11 @@ only touches, because the others hold it closed, where the closure would load it
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
 passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
-each other, X^T gamma beyond rounding, have no loads that could pass zero. An open contact that the rows that hold
-decide, as a driver that puts a part down, need not pass zero: it closes where it comes to rest without gap, rate and
-acceleration. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that
-one program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
+each other, X^T gamma beyond rounding, have no loads that could pass zero. Soft laws leave a gap before that tells. An
+open contact that the rows that hold decide, as a driver that puts a part down, need not pass zero: it closes where it
+comes to rest without gap, rate and acceleration. Each is a margin, positive while the phase goes on. Rows that do not
+hold are zeros (`opened`), so that one program serves all phases. A step that passes an event is not taken; the next one
+ends there, by the dense output.
 """
 
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from .._solve._contacts import OUTSIDE
 from .._tools._numbers import as_program, or_one, xp
 from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
+from ._project import CLOSED
 
 # Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
 # what is left of a step is below the accuracy of its dense output.
@@ -47,13 +49,15 @@ _CALM = 1e-12, 1e3
 
 class Margins(NamedTuple):
     """Gaps relative to the size of the mechanism, loads relative to the largest or strains to theirs, accelerations by
-    which others leave a contact, relative to all, and by how much more than rounding others still move it; infinite of
-    contacts that are asked for the other."""
+    which others leave a contact, relative to all, or at the end of a step the gap by which they did, and by how much
+    more than rounding others still move it; infinite of contacts that are asked for the other. And gaps of those that
+    hold, minus infinite of others."""
 
     gap: Float[Array, "*looks c"]
     push: Float[Array, "*looks c"]
     left: Float[Array, "*looks c"]
     moves: Float[Array, "*looks c"]
+    held: Float[Array, "*looks c"]
 
     @property
     def least(self) -> Float[Array, "*looks c"]:
@@ -103,13 +107,18 @@ def margins(
     parts = jnp.abs(solved.acceleration) + jnp.where(mass > 0, free / or_one(mass), 0.0)
     size = jnp.max(jnp.abs(jacobian) @ parts / scale.rows + jnp.abs(gamma))
     taken = (factor.stress @ (factor.stress.T @ gamma))[rows] / or_one(size)
+    held = jnp.where(holds, gap, -jnp.inf)
     left = jnp.where(holds, 2 * tolerance_of(TAKEN, gap) - taken, jnp.inf)
+    # Soft laws take positions apart before accelerations tell; as great where it is as much beyond what counts.
+    parted = (2 - held / tolerance_of(GAP, gap)) * tolerance_of(TAKEN, gap)
+    left = jnp.where(within, left, jnp.minimum(left, parted))
     into = ((jacobian @ solved.acceleration - motion.gamma) / scale.rows)[rows] / or_one(size)
     near, slow = (jnp.where(within, tolerance_of(_WITHIN, gap), tolerance_of(own, gap)) for own in (GAP, NONE))
     each = jnp.abs(gap) / near, jnp.abs(rate) / slow, jnp.abs(into) / tolerance_of(_CALM, gap)
     idle = holds | touch.rests | ~_decided(factor, jacobian[rows], scale.coordinates)
     moves = jnp.where(idle, jnp.inf, jnp.max(jnp.stack(each), axis=0) - 1)
-    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left, moves)
+    gap, push = jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf)
+    return Margins(gap, push, left, moves, held)
 
 
 def _decided(factor: HeldFactorisation, contacts: Float[Array, "c n"], sizes: Float[Array, " n"]) -> Bool[Array, " c"]:
@@ -146,16 +155,19 @@ def first_hit(
     first = jnp.argmax(jnp.any(beyond_of(seen), axis=1))
 
     def halve(now: tuple[Any, ...]) -> tuple[Any, ...]:
-        low, high, which, count = now
+        low, high, which, held, count = now
         middle = (low + high) / 2
-        past = beyond_of(at((middle, jnp.zeros((), bool))))
+        there = at((middle, jnp.zeros((), bool)))
+        past = beyond_of(there)
         beyond = jnp.any(past)
         bracket = jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
-        return *bracket, jnp.where(beyond, past, which), count + 1
+        return *bracket, jnp.where(beyond, past, which), jnp.where(beyond, there.held, held), count + 1
 
-    begin = start + width * first / _LOOKS, start + width * (first + 1) / _LOOKS, which, jnp.zeros((), int)
-    _, high, which, _ = jax.lax.while_loop(lambda now: found & (now[3] < _HALVINGS), halve, begin)
-    contradicts = found & jnp.any(which & (seen.left < 0))
+    bracket = start + width * first / _LOOKS, start + width * (first + 1) / _LOOKS
+    begin = *bracket, which, seen.held[first], jnp.zeros((), int)
+    _, high, which, held, _ = jax.lax.while_loop(lambda now: found & (now[-1] < _HALVINGS), halve, begin)
+    closes = jnp.max(held) <= tolerance_of(CLOSED, width) / 2  # else a step to there fails: shorter ones find it before
+    contradicts = found & closes & jnp.any(which & (seen.left < 0))
     return Hit(jnp.where(found, jnp.minimum(high + _LATER * width, end), jnp.inf), which & found), contradicts
 
 
@@ -170,7 +182,7 @@ def arrived(
     """
     change = jax.lax.stop_gradient(equations.derivative(t, y, context))
     along = jnp.ones_like(t), change
-    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)[:-1]), (t, y), along)
+    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)[:3]), (t, y), along)
     slope = jax.lax.stop_gradient(slope)
     # What others put down has no slope but of rounding.
     falls = jnp.where(jnp.arange(len(each)) == 0, tolerance_of(NONE, t) * equations.speed / equations.scaling.size, 0.0)
