@@ -24,7 +24,7 @@ from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
 from ._linear import Linear, least_friction
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
-from ._project import brought, project
+from ._project import project
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
 from ._stepper import Begin, Diagnostics, Stepper
@@ -310,7 +310,6 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         xp.where(place, after.work, impacts.work),
     )
     y = now.y._replace(qd=after.state.qd, work=now.y.work + after.work - after.lost)
-    y = cond(starts, lambda: brought(system, now.t, y, held, equations.scaling), lambda: y)
     plan = now.plan._replace(time=xp.full_like(now.plan.time, xp.inf))
     contacts = contacts._replace(
         touch=touch,

@@ -12,13 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._equations._kinematics import constraint_motion
-from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import are_numbers, as_numbers, cond, xp
 from ._held_rank import AnyHeld, factorize_held
-from ._moving import Moving, tolerance_of
-from ._touch import GAP
+from ._moving import Moving
 
 
 def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Moving:
@@ -27,14 +24,6 @@ def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Movin
     q = system.retract(y.q, d)
     moved = system.load(State(system.retract(y.q, d / 2), y.qd, t)) @ d
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
-
-
-def brought(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld, scale: Scaling) -> Moving:
-    """y on the manifold of rows that begin to hold, where they are off by more than steps leave."""
-    known, off = are_numbers(y, t), system.constraint(y.q, t)
-    off = xp.max(xp.abs(as_numbers(off) if known else off) / scale.rows) / scale.size
-    moved = cond(off > tolerance_of(GAP, off), lambda: project(system, t, y, held), lambda: y)
-    return as_numbers(moved) if known else moved
 
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.

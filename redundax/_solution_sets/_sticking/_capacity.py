@@ -163,7 +163,7 @@ def _within_balls(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.nda
 def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """lambda, its friction and its bound."""
     from scipy.optimize import linprog
-    from scipy.sparse import block_diag
+    from scipy.sparse import block_diag, coo_array
 
     s, p = low.shape
     size, whole = np.maximum(-low, high), np.linalg.norm(part.load)
@@ -174,7 +174,7 @@ def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.
     ends = np.stack([low / size, high / size], axis=2)
     found = linprog(
         np.tile(np.append(-1.0, np.zeros(p)), s),
-        A_eq=block_diag(blocks),
+        A_eq=block_diag([*map(coo_array, blocks)]),
         b_eq=np.zeros(s * unit.size),
         bounds=np.concatenate([np.broadcast_to([0.0, np.inf], (s, 1, 2)), ends], axis=1).reshape(-1, 2),
         options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
