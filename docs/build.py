@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import latex2mathml.converter
 import matplotlib
 import nbformat
 import numpy as np
@@ -34,6 +35,7 @@ from shown import SHOWN, with_shown
 ROOT = Path(__file__).parent
 MADE = ROOT / "made"  # what Zensical reads
 PICTURES = "shown"  # in MADE
+WIDTH = 90  # of code, in characters that a page shows without scrolling
 SIMPLE = (jax.Array, np.ndarray, np.generic, float, int, str, list, tuple, dict)
 
 
@@ -69,6 +71,8 @@ def main() -> None:
             shutil.copy(path, MADE)
     for path in notebooks:
         (MADE / f"notebook_{path.stem}.md").write_text(page_of(path), encoding="utf8")
+    narrow = ["ruff", "format", "--quiet", "--isolated", "--preview", f"--line-length={WIDTH}"]
+    subprocess.run([sys.executable, "-m", *narrow, *map(str, MADE.glob("*.md"))], check=True)
     command = [sys.executable, "-m", "zensical", "build", "--clean", "--strict", "-f", str(ROOT / "mkdocs.yml")]
     status = subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode
     sys.exit(status or "\n".join(f"dead link: {link}" for link in dead(SITE)) or 0)
@@ -124,9 +128,8 @@ def page_of(path: Path) -> str:
     folder.mkdir(exist_ok=True)
     parts, count = [], 0
     for cell in nbformat.read(path, as_version=4).cells:
-        parts.append(
-            beside(cell.source, path, folder) if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```"
-        )
+        is_text = cell.cell_type == "markdown"
+        parts.append(beside(with_formulas(cell.source), path, folder) if is_text else f"```python\n{cell.source}\n```")
         for output in cell.get("outputs", []):
             data = output.get("data", {})
             if "image/png" in data:
@@ -137,6 +140,11 @@ def page_of(path: Path) -> str:
                 parts.append(f"```text\n{text.rstrip()}\n```")
     parts.append(f"This page is `notebooks/{path.name}`, where its code can be run and changed.")
     return "\n\n".join(parts) + "\n"
+
+
+def with_formulas(text: str) -> str:
+    """The text of a notebook with its formulas as browsers draw them by themselves."""
+    return re.sub(r"\$([^$\n]+)\$", lambda found: latex2mathml.converter.convert(found[1]), text)
 
 
 def beside(text: str, path: Path, folder: Path) -> str:

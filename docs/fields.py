@@ -1,6 +1,9 @@
-"""What the reference pages show beside the source: constructors of classes by their fields, and what examples print."""
+"""What the reference pages show beside the source: constructors as they are called, and what examples print."""
 
+import importlib
+import inspect
 import json
+import operator
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -30,47 +33,59 @@ def _inside(own: griffe.Object) -> Iterator[griffe.Object]:
             yield from _inside(member)
 
 
-class Fields(griffe.Extension):
-    """Gives every class of the package that has fields an `__init__` with them, base classes first."""
+class Constructors(griffe.Extension):
+    """Gives every class with fields the `__init__` that it is called by, and defaults the names that users know."""
 
     def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
         """Called once everything is read."""
-        modules = [pkg]
-        while modules:
-            module = modules.pop()
-            modules += module.modules.values()
-            for own in module.classes.values():
-                if own.is_alias or own.name.startswith("_"):
-                    continue
-                if "__init__" not in own.members:
-                    self._add(own)
-                elif own.members["__init__"].is_attribute:  # that of a base, by name
-                    base = next(base for base in own.mro() if "__init__" in base.members)
-                    own.set_member("__init__", base.members["__init__"])
+        for own in list(_inside(pkg)):
+            if own.is_class and not own.name.startswith("_"):
+                self._add(own)
+        for own in _inside(pkg):
+            if own.is_function:
+                _name_defaults(own)
 
     def _add(self, own: griffe.Class) -> None:
-        fields = {}
-        for base in [*reversed(own.mro()), own]:
-            for attribute in base.attributes.values():
-                if _is_field(attribute):
-                    fields[attribute.name] = attribute
-        if not fields:
+        members = own.members
+        if "__init__" in members and not members["__init__"].is_attribute:
             return
-        made = griffe.Function("__init__", parameters=griffe.Parameters(*map(_parameter, fields.values())))
-        own.set_member("__init__", made)
+        if "__init__" in members:  # that of a base, by name
+            base = next(base for base in own.mro() if "__init__" in base.members)
+            own.set_member("__init__", base.members["__init__"])
+            return
+        fields: dict[str, griffe.Attribute] = {}
+        for base in [*reversed(own.mro()), own]:
+            fields |= {name: each for name, each in base.attributes.items() if each.annotation is not None}
+        try:
+            called = inspect.signature(_object_of(own)).parameters.values()
+        except ValueError:  # of dictionaries
+            return
+        given = [_parameter(each, fields[each.name]) for each in called if each.name in fields]
+        if given:
+            own.set_member("__init__", griffe.Function("__init__", parameters=griffe.Parameters(*given)))
 
 
-def _is_field(attribute: griffe.Attribute) -> bool:
-    """Whether it is a value of instances that the class itself declares, not one that its heirs must."""
-    own = "instance-attribute" in attribute.labels and attribute.annotation is not None
-    left_open = re.match(r"Abstract(Class)?Var\b", str(attribute.annotation))
-    return own and not left_open and not attribute.name.startswith("_")
+def _object_of(own: griffe.Object) -> Any:
+    """What is defined there, of the package that is imported."""
+    module = own.module.path
+    return operator.attrgetter(own.path.removeprefix(f"{module}."))(importlib.import_module(module))
 
 
-def _parameter(attribute: griffe.Attribute) -> griffe.Parameter:
-    value = None if attribute.value is None else str(attribute.value)
-    if value is not None and "field(" in value:
-        found = _DEFAULT.search(value)
-        value = found.group(1) if found else None
-    kind = griffe.ParameterKind.positional_or_keyword
-    return griffe.Parameter(attribute.name, annotation=attribute.annotation, kind=kind, default=value)
+def _parameter(called: inspect.Parameter, field: griffe.Attribute) -> griffe.Parameter:
+    """A field as an argument, whose default is written as in the source where it stands there by itself."""
+    default = None if called.default is called.empty else repr(called.default)
+    if default == "<factory>":
+        default = f"{made[1]}()" if (made := re.search(r"default_factory=(\w+)", str(field.value))) else "..."
+    if default is not None and field.value is not None and "field(" not in str(field.value):
+        default = str(field.value)
+    kind = griffe.ParameterKind[called.kind.name.lower()]
+    return griffe.Parameter(called.name, annotation=field.annotation, kind=kind, default=default)
+
+
+def _name_defaults(own: griffe.Function) -> None:
+    """Names objects that stand for a default under a name of the source alone by what makes them."""
+    for parameter in own.parameters:
+        if re.fullmatch(r"_[A-Z_]+", str(parameter.default)):
+            value = getattr(importlib.import_module(own.module.path), str(parameter.default))
+            simple = isinstance(value, (int, float, str))
+            parameter.default = repr(value) if simple else f"{type(value).__name__}()"

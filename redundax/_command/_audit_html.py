@@ -19,7 +19,8 @@ _STYLE = """
 body { font: 1rem/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; margin: 0; padding: 1rem; }
 h1 { font-size: 1.3rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
 main { display: flex; flex-wrap: wrap; gap: 1rem; } figure { flex: 1 1 40rem; min-width: 0; margin: 0; }
-pre { flex: 0 1 auto; max-width: 100%; margin: 0; font-size: .8rem; overflow-x: auto; } img { max-width: 100%; }
+pre { flex: 0 1 auto; max-width: 100%; margin: 0; font-size: clamp(.4rem, 1.8vw, .8rem); overflow-x: auto; }
+img { max-width: 100%; }
 figcaption { font-size: .9rem; color: #444; }
 @media (max-width: 95rem) { figure { order: -1; flex-basis: 100%; } }
 """
@@ -47,7 +48,7 @@ def _picture(system: AbstractSystem, state: State, found: Audit) -> str:
     if system.frame.word == "spatial":
         figure = turning(system, state, report=loose)
         options = {"full_html": False, "include_plotlyjs": True, "config": {"displaylogo": False}}
-        turned = figure.to_html(default_height="75vh", **options)
+        turned = figure.to_html(default_height="min(75vh, 110vw)", **options)
         return f"<figure>{turned}<figcaption>{_CAPTION}</figcaption></figure>"
     (picture,) = drawing(system, state, _CAPTION, report=loose)
     return block_as_html(dataclasses.replace(picture, caption=_CAPTION))

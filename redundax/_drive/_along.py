@@ -129,16 +129,16 @@ def along(
         )
     start = started(driven, laws, times, q, throw) if start is None else start
     if hold:
-        driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
+        driven = with_laws(system, laws_and_held(system, laws, hold, start))
     if known:
-        scale, matrix = _scaled(driven, start)
+        scale, matrix = scaled(driven, start)
         _check_freedom(driven, scale, np.asarray(matrix), start)
         q, reached = _followed(driven.anonymous, scale, start, times)
         if throw is not False and not np.all(reached):
             raise _lost(driven, scale, start, q, times, reached)
         return Path(driven, scale, times, q)
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
-    scale, _ = stop_gradient(_scaled(still, stop_gradient(start)))
+    scale, _ = stop_gradient(scaled(still, stop_gradient(start)))
     track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
     return Path(driven, scale, times, jnp.where(_column(track.reached, track.q), track.q, jnp.nan))
 
@@ -165,7 +165,7 @@ def values_of(system: AbstractSystem, state: State) -> Array:
 
 
 @partial(on_numbers, jit=False)
-def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array, "m n"]]:
+def scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array, "m n"]]:
     """The scales of a position, and K there, by programs that the system without its drives has anyway."""
     base, places = system.undriven, getattr(system, "places", ())
     still = replace_fields(state, qd=xp.zeros_like(state.qd))
@@ -228,11 +228,27 @@ def _beside(t: Any) -> Float[Array, "times 2"]:
     return xp.stack([t - xp.concatenate([none, way]), t + xp.concatenate([way, none])], axis=1)
 
 
-def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[str, Array]:
+def laws_and_held(system: AbstractSystem, laws: Laws, hold: Sequence[str], start: State) -> Laws:
+    """The laws, and those of coordinates that rest where the first position has them."""
+    if not hold:
+        return laws
     labels = coordinates_of(system).labels
     places = [index_of("hold", name, labels, " of coordinates") for name in hold]
     values = values_of(system, start)
-    return {name: values[place] for name, place in zip(hold, places, strict=True)}
+    return dict(laws) | {name: values[place] for name, place in zip(hold, places, strict=True)}
+
+
+def decide(system: AbstractSystem, start: State) -> bool:
+    """Whether the constraints and laws of a driven system leave no freedom at its first position."""
+    matrix = np.asarray(scaled(system, start)[1])
+    return bool(np.all(np.isfinite(matrix))) and not _left_free(matrix)[0]
+
+
+def _left_free(matrix: np.ndarray) -> tuple[int, np.ndarray]:
+    """How many directions are left free, the last of those that are given."""
+    with computing():
+        values, axes = np.linalg.svd(matrix)[1:]
+    return matrix.shape[1] - int(np.sum(values > _FREE * values[0])), axes
 
 
 def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, start: State) -> None:
@@ -240,8 +256,7 @@ def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, s
     if not np.all(np.isfinite(matrix)):  # there is no position
         return
     with computing():
-        values, axes = np.linalg.svd(matrix)[1:]
-        left = matrix.shape[1] - int(np.sum(values > _FREE * values[0]))
+        left, axes = _left_free(matrix)
         if not left:
             return
         loose = np.asarray(scale.coordinates)[:, None] * axes[-left:].T
@@ -381,7 +396,7 @@ def _lost(
         return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
     track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))
     end = follow_known(system.anonymous, scale, track, jnp.full(_TOGETHER, t[last])).end
-    _, matrix = _scaled(system, State(end.q, end.rate, end.t))
+    _, matrix = scaled(system, State(end.q, end.rate, end.t))
     values = np.linalg.svd(np.asarray(matrix), compute_uv=False)
     weakest = values[-1] / values[0]
     why = (

@@ -28,13 +28,24 @@ from .._system._directions import directions_of
 from .._system._friction import have_sense
 from .._system._names import DRIVE, ByName, Names
 from .._system._results import RESULTS, result_codes
+from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, replace_fields
 from .._tools._numbers import Numeric, are_known, as_arrays, as_program
-from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
+from ._along import Laws, Path, along, decide, in_batches, laws_and_held, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
-from ._one_by_one import Batch, as_closed, asked_again, of_closed_contacts, until_reached
+from ._one_by_one import (
+    Batch,
+    Touching,
+    as_closed,
+    asked_again,
+    of_closed_contacts,
+    of_contacts,
+    touching,
+    until_reached,
+    with_contacts,
+)
 from ._run import Drive, Moment, Run
 from ._senses import NOISE, Senses, senses_of, signs_of
 from ._share import LeastPeak
@@ -92,10 +103,13 @@ def drive(
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
-    names, start = system.names, None
+    names, start, by_laws = system.names, None, False
     if names.one_sided and are_known(driven := with_laws(system, laws), ts, q):
         start = started(driven, laws, ts, q, throw)
-        names = of_closed_contacts(system, start)
+        none = of_contacts(names, np.zeros(len(names.one_sided), bool))
+        held = laws_and_held(system, laws, hold, start)
+        by_laws = decide(with_laws(as_closed(system.whole, none), held), start)
+        names = none if by_laws else of_closed_contacts(system, start)
     path = along(as_closed(system, names), laws, ts, q, hold, throw, start)
     if not are_known(path, closure):
         _refuse_contacts(system.names)
@@ -107,8 +121,9 @@ def drive(
             '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
         )
     path, said = until_reached(system, names, path, throw) if are_known(path) else (path, ())
+    contacts = (system, start) if by_laws else None
     if not isinstance(closure, LeastPeak):
-        run = _solved(path, names, closure, solver, throw)
+        run = _solved(path, names, closure, solver, throw, contacts)
         return replace_fields(run, remarks=(*run.remarks, *said)) if said else run
     if not are_known(path, closure):
         raise RedundaxError(
@@ -117,11 +132,11 @@ def drive(
     count = len(path.system.undriven.rows)
 
     def forces_of(one: AbstractClosure) -> np.ndarray:
-        return -np.asarray(_solved(path, names, one, solver, False).multipliers)[:, count:]
+        return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
 
     sharing = [each.name for each in drives_of(path.system) if each.row >= count]
     chosen, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
-    run = _solved(path, names, chosen, solver, throw)
+    run = _solved(path, names, chosen, solver, throw, contacts)
     return replace_fields(run, remarks=(*run.remarks, *said, *shared))
 
 
@@ -135,8 +150,15 @@ def _refuse_contacts(names: Names) -> None:
         )
 
 
-def _solved(path: Path, names: Names, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
-    """The loads along a motion."""
+def _solved(
+    path: Path,
+    names: Names,
+    closure: AbstractClosure,
+    solver: AbstractSolver,
+    throw: bool | None,
+    contacts: tuple[AbstractSystem, State] | None = None,
+) -> Run:
+    """The loads along a motion; with those of a system and its start where they come and go with it."""
     choices = placed(closure, path.system), solver
     if not are_known(path, closure, solver):
         at, found, senses = _traced(path, choices)
@@ -152,9 +174,27 @@ def _solved(path: Path, names: Names, closure: AbstractClosure, solver: Abstract
     stays = _stays(path, choices, at, senses, rows)
     run = replace_fields(run, system=path.system, remarks=remarks, stays=stays)
     run = asked_again(path, names, closure, Batch(run, good, senses), asked, throw)
+    for touch in touching(*contacts, path, run) if contacts else ():
+        run = _touched(run, touch, choices[0], solver)
     if throw is not False:
         _check(run)
     return as_arrays(run)
+
+
+def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: AbstractSolver) -> Run:
+    """A run with what contacts carry that are closed at some times. Where these stay closed as laws move the parts the
+    batch with them held answers, if they push; else `solve` does."""
+    path, choices = touch.path, (closure, solver)
+    at, found, senses = _on_numbers(path, choices)
+    own = _batch_of(path, at, found, senses, solver)[0]
+    stays = _stays(path, choices, at, senses, np.array([each.row for each in own.drives], int))
+    own = replace_fields(own, system=path.system, stays=stays)
+    sizes = [np.abs(x / np.asarray(path.scale.coordinates)) for x in (at.acceleration, run.acceleration)]
+    apart = np.abs(at.acceleration - run.acceleration) / np.asarray(path.scale.coordinates)
+    together = apart.max(axis=1) <= _CONTRADICTS * np.nanmax(sizes, initial=0.0)
+    good = together & _is_good(at._replace(contradiction=np.zeros_like(at.weakest)), found, solver)
+    own = asked_again(path, touch.names, closure, Batch(own, good | ~touch.at, senses), None, False)
+    return replace_fields(with_contacts(run, own, touch), system=touch.whole)
 
 
 def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: AbstractSolver) -> Batch:

@@ -1,23 +1,26 @@
 """Times of a driven motion that are asked of `solve` one by one: what a batch leaves open, joints with play, and
 contacts that would pull where they are held.
 
-Contacts that are closed at the start are held both ways along the motion, which is right as long as all of them push.
-Where one would pull it opens: either others keep it closed and carry its share, or it lifts, and the laws no longer say
-how its parts move. The others are left out until one would be reached.
+Where laws decide the motion by themselves contacts come and go with it, and push where they are closed. Else those that
+are closed at the start are held both ways along the motion, which is right as long as all of them push. Where one would
+pull it opens: either others keep it closed and carry its share, or it lifts, and the laws no longer say how its parts
+move. Contacts that are open are left out until one would be reached.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure
 from .._equations._gaps import overlaps
 from .._equations._scaling import largest_violation
+from .._solve._contacts import CLEAR, contacts_at
 from .._solve._solve import solve
 from .._system._contact import LEFT_OUT, rows_that_hold
 from .._system._driven import Driven
@@ -29,7 +32,7 @@ from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
 from .._tools._numbers import as_arrays, as_program, computed
-from ._along import Path, instant
+from ._along import Path, instant, scaled
 from ._run import Moment, Run
 from ._senses import Senses
 
@@ -51,10 +54,12 @@ def as_closed(system: AbstractSystem, names: Names) -> AbstractSystem:
 
 def of_closed_contacts(system: AbstractSystem, start: State) -> Names:
     """The names of a system, those of contacts without the ones that are open at the start of the motion."""
-    names = system.names
-    open_rows = {row for row, gap in zip(names.one_sided, _gaps(system, start), strict=True) if gap > 0}
-    kept = [k for k, row in enumerate(names.one_sided) if row not in open_rows]
-    rows, tied = (tuple(each[k] for k in kept) for each in (names.one_sided, names.tied))
+    return of_contacts(system.names, np.asarray(_gaps(system, start)) <= 0)
+
+
+def of_contacts(names: Names, kept: Bool[np.ndarray, " contacts"]) -> Names:
+    """The names of a system, those of contacts without the ones that are not kept."""
+    rows, tied = (tuple(itertools.compress(each, kept)) for each in (names.one_sided, names.tied))
     return dataclasses.replace(names, one_sided=rows, tied=tied)
 
 
@@ -71,8 +76,7 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
         return path, ()
 
     def over(path: Path) -> Float[np.ndarray, "times rows"]:
-        at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
-        return np.asarray(at)[:, open_rows] / np.asarray(path.scale.rows)[open_rows] / float(path.scale.size)
+        return _overlaps(system, path, open_rows)
 
     beyond = over(path) > largest_violation(path.q.dtype)
     if not beyond.any():
@@ -85,12 +89,49 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
         return lambda j: bool(np.any(far[j] > 0))
 
     t = instant(path, k, is_reached) if k else float(np.asarray(path.t)[0])
-    said = f"Contacts that are open at first are reached at t = {t:.6g}: {', '.join(reached)}."
+    said = f"Contacts are reached at t = {t:.6g}: {', '.join(reached)}."
     if throw is not False:
         raise NoSolutionError(
             f"{said} End the motion before. With `throw=False` it is given up to there, and NaN beyond."
         )
     return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
+
+
+class Touching(NamedTuple):
+    """Contacts that are closed at some times of a motion that laws decide by themselves: the names of a system with
+    these alone, the motion with them held, and when that is; and the driven system with all of its contacts."""
+
+    names: Names
+    path: Path
+    at: Bool[np.ndarray, " times"]
+    whole: AbstractSystem
+
+
+def touching(system: AbstractSystem, start: State, path: Path, run: Run) -> tuple[Touching, ...]:
+    """Which contacts of a system are closed when, on the path that laws give without them."""
+    at, names, found = (jnp.asarray(x) for x in (run.q, run.qd, run.t)), system.names, []
+    closed = np.asarray(_closed(system.anonymous, *at))
+
+    def driven(base: AbstractSystem) -> AbstractSystem:
+        return replace_fields(path.system, base=base) if isinstance(path.system, Driven) else base
+
+    for own in np.unique(closed[closed.any(axis=1)], axis=0):
+        of_these = of_contacts(names, own)
+        held = driven(as_closed(system.whole, of_these))
+        again = path._replace(system=held, scale=scaled(held, start)[0])
+        found.append(Touching(of_these, again, (closed == own).all(axis=1), driven(system.whole)))
+    return tuple(found)
+
+
+@as_program
+def _closed(system: AbstractSystem, q: Array, qd: Array, t: Array) -> Bool[Array, "times contacts"]:
+    return jax.vmap(lambda *at: contacts_at(system, State(*at))[0])(q, qd, t)
+
+
+def _overlaps(system: AbstractSystem, path: Path, rows: list[int]) -> Float[np.ndarray, "times rows"]:
+    """Minus the gaps of contacts along a motion, relative to the size of the system."""
+    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
+    return np.asarray(at)[:, rows] / np.asarray(path.scale.rows)[rows] / float(path.scale.size)
 
 
 @as_program
@@ -118,12 +159,12 @@ def asked_again(
     names: Names,
     closure: AbstractClosure,
     batch: Batch,
-    ask: Callable[[Path], Batch],
+    ask: Callable[[Path], Batch] | None,
     throw: bool | None,
 ) -> Run:
     """A run with answers where the batch has none, for the names of the system whose contacts open.
 
-    - `ask`: gives the batch of a path.
+    - `ask`: gives the batch of a path; None where contacts may lift.
     """
     run, good, _ = batch
     system: Any = run.system
@@ -138,13 +179,13 @@ def asked_again(
     codes, t, remarks = np.full(len(good), result_codes()["successful"]), np.asarray(run.t), run.remarks
 
     def lifts(finer: Path) -> Callable[[int], bool]:
-        there = ask(finer)
+        there = cast(Callable[[Path], Batch], ask)(finer)
         return lambda j: bool(_lifting(names, _solutions(system, there, j, closure)[1]))
 
     for k in np.flatnonzero(~good).tolist():
         codes[k], found = _solutions(system, batch, k, closure)
         lifting = _lifting(names, found)
-        if lifting:
+        if lifting and ask is not None:
             said = _in_words(lifting, instant(path, k, lifts) if k else t[0])
             if throw is not False:
                 raise NoSolutionError(
@@ -159,6 +200,25 @@ def asked_again(
                 array[k] = np.nan if found is None else np.asarray(getattr(found[side], name))
     result = jax.tree.map(lambda _: codes, RESULTS.successful)
     return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
+
+
+def with_contacts(run: Run, own: Run, touch: Touching) -> Run:
+    """A run of a motion without contacts, where some of these push that with them."""
+    rows = list(touch.names.one_sided)
+
+    def push(of: Moment | Run) -> Bool[np.ndarray, " times"]:
+        lam = np.abs(np.asarray(of.multipliers))
+        return touch.at & ~(lam[:, rows] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
+
+    def chosen(at: np.ndarray, new: Any, old: Any) -> Any:
+        return jax.tree.map(lambda a, b: np.where(at.reshape(-1, *[1] * (np.ndim(a) - 1)), a, b), new, old)
+
+    after, moments = push(own), chosen(push(own.before), own.before, run.before)
+    changed = {
+        name: chosen(after, getattr(own, name), getattr(run, name))
+        for name in ("multipliers", "friction", "acceleration", "result", "determined", "determined_without_friction")
+    }
+    return replace_fields(run, **changed, stays=chosen(after, own.stays, run.stays), before=moments)
 
 
 def _solutions(system: Any, batch: Batch, k: int, closure: AbstractClosure) -> tuple[int, Any]:

@@ -32,15 +32,15 @@ from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
 from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
+from ._controller import Controller, told_apart
 from ._held_rank import AnyHeld, hold
-from ._jumps import told_apart
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
 from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
 from ._project import project
 from ._radau_solver import Radau
 from ._slip import no_plan
 from ._stabilisation import AbstractStabilisation
-from ._stepper import Controller, at_start
+from ._stepper import at_start
 from ._stick import Mode, next_mode
 from ._stiffness import STIFF, Watched
 from ._tangent import in_tangent
@@ -95,17 +95,17 @@ def _integrate(
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
     longest = None if course.restitution is None else _LONGEST * (t1 - state.t)
     tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
+    jumps = None if course.jump_ts is None else told_apart(course.jump_ts)
     options = Options(
         _solver(course, system, tolerance, known=are_numbers(state.q, state.t, course.t1)),
         course.rtol is None,
-        Controller(_controller(course.rtol, first, longest), first, t1),  # pyright: ignore[reportCallIssue] (properties there)
+        Controller(_controller(course.rtol, first, longest), first, t1, jumps),  # pyright: ignore[reportCallIssue] (properties there)
         course.adjoint,
         course.meter,
         course.max_steps,
         tolerance,
         ts,
         course.restitution,
-        None if course.jump_ts is None else told_apart(course.jump_ts),
     )
     before = _before(equations, state, held, ts)
     if course.restitution is None:

@@ -19,14 +19,14 @@ from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
+from ._controller import Controller
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
-from ._jumps import Jumping, next_jump
 from ._linear import Linear, least_friction
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
-from ._stepper import Begin, Controller, Diagnostics, Stepper
+from ._stepper import Begin, Diagnostics, Stepper
 from ._stick import Mode
 from ._times import within
 from ._touch import Hit, arrived, no_hit
@@ -34,8 +34,7 @@ from ._walk import Walk, walk
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the tolerance of a step, the times asked for, the restitution of one-sided contacts, and
-    instants at which steps end as loads or drivers jump there."""
+    """Arguments of diffrax, the tolerance of a step, the times asked for, and the restitution of one-sided contacts."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -46,17 +45,6 @@ class Options(NamedTuple):
     tolerance: Array
     ts: Float[Array, " times"]
     restitution: Float[Array, " c"] | None
-    jumps: Float[Array, " jumps"] | None
-
-    @property
-    def steps(self) -> Controller | Jumping:
-        """What controls the steps."""
-        return self.controller if self.jumps is None else Jumping(self.controller, self.jumps)  # pyright: ignore[reportCallIssue]
-
-    def end(self, t: Array) -> Array:
-        """Until when nothing jumps after a time, at most to the end of the motion."""
-        end = self.controller.end
-        return end if self.jumps is None else jnp.minimum(end, next_jump(self.jumps, t))
 
 
 class ImpactLog(NamedTuple):
@@ -227,7 +215,7 @@ def _steps(
     plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
     adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
     if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
-        return walk(terms, stepper, options.steps, span, y, args, ts, options.max_steps)
+        return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
     solution = diffrax.diffeqsolve(
         terms,
@@ -237,7 +225,7 @@ def _steps(
         first,
         y,
         args,
-        stepsize_controller=options.steps,
+        stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(subs=saved, solver_state=True, controller_state=True),
         adjoint=adjoint,
         max_steps=options.max_steps,
@@ -341,7 +329,8 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
     if done.contacts is not None:
         equations = equations.with_touch(done.contacts.touch)
     release = _release(done, equations, jnp.asarray(touches))
-    onward = set_out(release, options.end(done.t), options.ts, options.tolerance)
+    end = options.controller.before_jump(options.controller.end, done.t)
+    onward = set_out(release, end, options.ts, options.tolerance)
     here, contacts = (options.ts > done.t) & (options.ts <= onward.t), done.contacts
     if contacts is not None:
         contacts = contacts._replace(path=_noted(here, contacts))

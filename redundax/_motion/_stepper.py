@@ -16,18 +16,18 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import velocity
 from .._tools._numbers import stop_gradient, xp
+from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._project import project
-from ._slip import PAST, Plan, Seen, Step, landed, landing, look, no_plan, seen, turns
+from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
 from ._stick import Mode
-from ._stiffness import Watched, is_worth, stiff_steps
-from ._touch import Hit, first_hit, no_hit
+from ._stiffness import Watched, stiff_steps
+from ._touch import first_hit
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
 _CLOSED = 2e-10, 1e3
@@ -105,129 +105,6 @@ class Carried(NamedTuple):
     def context(self) -> Context:
         """What stays the same within a step."""
         return Context(self.held, self.mode.tau, self.mode.resting, self.along)
-
-
-class Verdict(NamedTuple):
-    """What is told of a step, as numbers, in place of its error.
-
-    - `size`: the error by the tolerance, infinite where the step may not end so.
-    - `plan`: the event that it has passed; None where there are none.
-    - `lands`, `rests`, `ends`: whether it ends at an event, at rest, and whether steps end there.
-    - `shift`: how much later that event is.
-    - `ahead`: until when the next step goes at most; `again` says that it goes there.
-    - `hit`: the event of one-sided contacts that it has passed; None where there are none.
-    - `stiff`: how many steps more are stiff than are not.
-    """
-
-    size: Array
-    plan: Plan | None
-    lands: Array
-    rests: Array
-    ends: Array
-    shift: Array
-    ahead: Array
-    again: Array
-    hit: Hit | None = None
-    stiff: Array | float = 0.0
-
-
-def _unused(*_: Any) -> Any:
-    """The vector field, which a first step that is given does not ask for."""
-
-
-class Control(NamedTuple):
-    """State of the controller: its own, and the event that ended the steps, one of slips or one of contacts."""
-
-    inner: PyTree
-    plan: Plan | None
-    hit: Hit | None = None
-
-
-class Controller(diffrax.AbstractAdaptiveStepSizeController):
-    """Steps by the errors of verdicts, up to events, and from there on as at first.
-
-    Where they end has no derivatives but at events: if all ends moved with the last event, a kink of a load in time
-    would move through its step the other way, and derivatives be off by as much as one by the time of the kink is.
-    """
-
-    controller: diffrax.PIDController
-    first: Float[Array, ""]
-    end: Float[Array, ""]
-
-    @property
-    def rtol(self) -> Any:  # pyright: ignore
-        return self.controller.rtol
-
-    @property
-    def atol(self) -> Any:  # pyright: ignore
-        return self.controller.atol
-
-    @property
-    def norm(self) -> Any:  # pyright: ignore
-        return size_of
-
-    def wrap(self, direction: Any) -> "Controller":
-        return self
-
-    def init(
-        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, dt0: Any, args: PyTree, func: Any, error_order: Any
-    ) -> tuple[Any, Control]:
-        equations, begin = args[0], args[2]
-        end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
-        hit = None if equations.touch is None else no_hit(equations.touch, t0)
-        return stop_gradient(end), Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
-
-    def adapt_step_size(
-        self,
-        t0: Any,
-        t1: Any,
-        y0: PyTree,
-        y1_candidate: PyTree,
-        args: PyTree,
-        y_error: PyTree,
-        error_order: Any,
-        controller_state: Control,
-    ) -> tuple[Any, ...]:
-        verdict, zero = y_error, jnp.zeros_like(t1)
-        keep, t, following, _, inner, result = self.controller.adapt_step_size(
-            t0, t1, zero, zero, args, verdict.size, error_order, controller_state.inner
-        )
-        stiff = keep & is_worth(jnp.asarray(verdict.stiff), t1, t1 - t0, self.end)
-        hit, hits = None, False
-        if verdict.hit is not None:
-            found, hits = stop_gradient(verdict.hit), keep & jnp.isfinite(verdict.hit.time)
-            hit = jax.tree.map(lambda a, b: jnp.where(hits, a.astype(b.dtype), b), found, controller_state.hit)
-        if verdict.plan is None:
-            if hit is not None:
-                keep, t = keep & ~hits, jnp.where(hits, t0, t)
-                result = diffrax.RESULTS.where(hits, diffrax.RESULTS.event_occurred, result)
-            result = diffrax.RESULTS.where(stiff, diffrax.RESULTS.event_occurred, result)
-            return keep, t, stop_gradient(following), False, Control(inner, None, hit), result
-        event = keep & jnp.isfinite(verdict.plan.time)
-        event = event if hit is None else event | hits
-        taken = keep & ~event
-        lands = taken & (verdict.lands > 0)
-        t = jnp.where(taken, t1 + verdict.shift, t0)
-        again = verdict.again > 0
-        # What is wrong beyond an event does not matter: a step that is refused is tried up to there, if that is less.
-        goal = (1 + PAST) * verdict.plan.time - PAST * t0
-        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0))
-        following = jnp.where(
-            aims, jnp.where(jnp.isfinite(verdict.size), jnp.minimum(following, goal), goal), following
-        )
-        following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
-        following = jnp.where(lands, t + self.first, following)
-        following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
-        _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
-        inner = jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner)
-        result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
-        result = diffrax.RESULTS.where(
-            event | (taken & ((verdict.ends > 0) | stiff)), diffrax.RESULTS.event_occurred, result
-        )
-        plan = jax.tree.map(
-            lambda a, b: jnp.where(event, b.astype(a.dtype), a), controller_state.plan, stop_gradient(verdict.plan)
-        )
-        return taken, t, stop_gradient(following), lands, Control(inner, plan, hit), result
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
@@ -510,12 +387,6 @@ def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, bef
             for own, group in zip(error.memory, system.friction, strict=True)
         ],
     )
-
-
-def size_of(error: Moving) -> Float[Array, ""]:
-    """Root of the mean square of a step's errors; on a chart the largest, which coordinates that keep still do not
-    dilute: in space most do."""
-    return optx.rms_norm(error) if error.base is None else optx.max_norm(error)
 
 
 def _diagnostics_after(

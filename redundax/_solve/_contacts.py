@@ -230,9 +230,8 @@ def signs(
     carries, lifts = kept & (force > CLEAR), ~kept & (into < -CLEAR)
     opened, lifted, touching, loaded = map(code_of, Contact)
     code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
-    size = xp.where(
-        xp.isfinite(size), size, size_along(at, factor, factor)
-    )  # none where `solve` refuses the contradiction
+    # `solve` has none where it refuses the contradiction.
+    size = xp.where(xp.isfinite(size), size, size_along(at, factor, factor))
     off = take(contradicted(all_kept, at, factor), rows) / or_one(size)
     off = xp.where(closed & kept & (off > taken), off, -1.0)
     contradicts = xp.any(off > 0)

@@ -4,6 +4,7 @@ import itertools
 import re
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -127,6 +128,38 @@ def test_a_stop_that_is_open_bears_nothing_until_it_is_reached():
     assert run.peak["A.angle"] == pytest.approx(torque.max(), rel=1e-9) and run.peak_time["A.angle"] == 0
     assert run.rms["A.angle"] == pytest.approx(np.sqrt(np.trapezoid(torque**2, ts[:-1]) / 0.9), rel=1e-9)
     assert run.energy["A.angle"] == pytest.approx(np.trapezoid(torque * 4.2 * ts[:-1], ts[:-1]), rel=1e-9)
+
+
+def test_a_rod_leaves_its_foot_and_comes_down_on_it_again():
+    """2 kg, and 0.1 kg m^2 about its middle, 0.5 m from the pin and from the foot.
+
+    Where it lies, f on the foot, 19.62 - f on the pin and the torque 9.81 - f have the least norm for f = 9.81.
+    """
+    rod = rx.Mechanism(
+        [rx.Body("rod", 2.0, 0.1)],
+        [
+            rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0)),
+            rx.PinInSlot("foot", "rod", "ground", (0.5, 0.0), (0.0, 0.0), (0.0, 1.0), one_sided=True),
+        ],
+        gravity=(0.0, -G),
+    )
+    ts, size, rate = np.linspace(0.0, 2.0, 41), 0.4, np.pi
+    moves = (ts > 0.5 + 1e-9) & (ts < 1.5 - 1e-9)
+
+    def angle(t):
+        return jnp.where((t > 0.5) & (t < 1.5), size * jnp.sin(rate * (t - 0.5)) ** 3, 0.0)
+
+    run = rx.drive(rod, {"A.angle": angle}, ts, {"rod.x": 0.5})
+    sine, cosine = np.sin(rate * (ts - 0.5)), np.cos(rate * (ts - 0.5))
+    phi, acceleration = size * sine**3, size * rate**2 * (6 * sine * cosine**2 - 3 * sine**3)
+    torque = np.where(moves, 0.6 * acceleration + 2 * G * 0.5 * np.cos(phi), 0.0)
+    np.testing.assert_allclose(run["A.angle torque"], torque, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(run["foot force y on rod"], np.where(moves, 0.0, G), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(run.determined[:, 0], moves)
+    own = rx.solve(run.system, run.states[0])
+    assert own.contacts["foot"] == "carries" and own["foot force y on rod"] == pytest.approx(G, rel=1e-9)
+    with pytest.raises(rx.NoSolutionError, match=r"Contacts are reached at t = 1: foot"):
+        rx.drive(rod, {"A.angle": lambda t: size * jnp.sin(rate * t)}, ts, {"rod.x": 0.5})
 
 
 def test_guides_of_given_stiffness_share_a_load_beside_a_stop_that_is_open():

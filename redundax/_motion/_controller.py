@@ -1,0 +1,194 @@
+"""Steps of a motion: how long they are, where they end, and how they go on.
+
+They go by the errors of verdicts, up to events of slips and contacts, and up to instants at which loads or drivers jump
+or bend. There a step ends at the number before and the next begins at the one after, as in diffrax. Both move with the
+instant in derivatives: so what comes after has those by it. Beyond either, steps go on as at first, however short the
+last was.
+"""
+
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float, PyTree
+
+from .._tools._no_answer import without_derivative
+from .._tools._numbers import are_numbers, stop_gradient
+from ._moving import Moving
+from ._slip import PAST, Plan, no_plan
+from ._stiffness import is_worth
+from ._touch import Hit, no_hit
+
+_ROUNDINGS = 8  # of an instant, below which a step has no room between two
+
+
+class Verdict(NamedTuple):
+    """What is told of a step, as numbers, in place of its error.
+
+    - `size`: the error by the tolerance, infinite where the step may not end so.
+    - `plan`: the event that it has passed; None where there are none.
+    - `lands`, `rests`, `ends`: whether it ends at an event, at rest, and whether steps end there.
+    - `shift`: how much later that event is.
+    - `ahead`: until when the next step goes at most; `again` says that it goes there.
+    - `hit`: the event of one-sided contacts that it has passed; None where there are none.
+    - `stiff`: how many steps more are stiff than are not.
+    """
+
+    size: Array
+    plan: Plan | None
+    lands: Array
+    rests: Array
+    ends: Array
+    shift: Array
+    ahead: Array
+    again: Array
+    hit: Hit | None = None
+    stiff: Array | float = 0.0
+
+
+def _unused(*_: Any) -> Any:
+    """The vector field, which a first step that is given does not ask for."""
+
+
+class Control(NamedTuple):
+    """State of the controller: its own, and the event that ended the steps, one of slips or one of contacts."""
+
+    inner: PyTree
+    plan: Plan | None
+    hit: Hit | None = None
+
+
+class Controller(diffrax.AbstractAdaptiveStepSizeController):
+    """Steps by the errors of verdicts, up to events, and from there on as at first.
+
+    Where they end has no derivatives but at events: if all ends moved with the last event, a kink of a load in time
+    would move through its step the other way, and derivatives be off by as much as one by the time of the kink is.
+    """
+
+    controller: diffrax.PIDController
+    first: Float[Array, ""]
+    end: Float[Array, ""]
+    jumps: Float[Array, " jumps"] | None
+
+    @property
+    def rtol(self) -> Any:  # pyright: ignore
+        return self.controller.rtol
+
+    @property
+    def atol(self) -> Any:  # pyright: ignore
+        return self.controller.atol
+
+    @property
+    def norm(self) -> Any:  # pyright: ignore
+        return size_of
+
+    def wrap(self, direction: Any) -> "Controller":
+        return self
+
+    def init(
+        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, dt0: Any, args: PyTree, func: Any, error_order: Any
+    ) -> tuple[Any, Control]:
+        equations, begin = args[0], args[2]
+        end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
+        hit = None if equations.touch is None else no_hit(equations.touch, t0)
+        control = Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
+        return self.before_jump(stop_gradient(jnp.asarray(end)), t0), control
+
+    def before_jump(self, end: Array, t: Array) -> Array:
+        """An end of steps after a time, or the number before a jump that is earlier."""
+        return end if self.jumps is None else jnp.minimum(end, _next_jump(self.jumps, t))
+
+    def adapt_step_size(
+        self,
+        t0: Any,
+        t1: Any,
+        y0: PyTree,
+        y1_candidate: PyTree,
+        args: PyTree,
+        y_error: PyTree,
+        error_order: Any,
+        controller_state: Control,
+    ) -> tuple[Any, ...]:
+        zero = jnp.zeros_like(t1)
+        told = zero, zero, args, y_error.size, error_order, controller_state.inner
+        keep, t, following, _, inner, result = self.controller.adapt_step_size(t0, t1, *told)
+        so_far = keep, t, following, False, controller_state._replace(inner=inner), result
+        keep, t, following, lands, control, result = self._up_to_event(t0, t1, y_error, so_far)
+        following = stop_gradient(following)
+        if self.jumps is not None:
+            at = stop_gradient(_beside(self.jumps, -jnp.inf)) == stop_gradient(t1)
+            jumps = keep & jnp.any(at)
+            t = jnp.where(jumps, _beside(self.jumps, jnp.inf)[jnp.argmax(at)], t)
+            following = jnp.where(jumps, stop_gradient(t + self.first), following)
+            short = jumps & (result == diffrax.RESULTS.dt_min_reached)
+            result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
+        if control.plan is not None or self.jumps is not None:
+            _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
+            control = control._replace(inner=jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner))
+        return keep, t, self.before_jump(following, t), lands, control, result
+
+    def _up_to_event(self, t0: Any, t1: Any, verdict: Verdict, so_far: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The same, of which no step passes an event; one that ends there lands."""
+        keep, t, following, lands, (inner, plan, hit), result = so_far
+        stiff = keep & is_worth(jnp.asarray(verdict.stiff), t1, t1 - t0, self.end)
+        hits = None
+        if verdict.hit is not None:
+            found, hits = stop_gradient(verdict.hit), keep & jnp.isfinite(verdict.hit.time)
+            hit = jax.tree.map(lambda a, b: jnp.where(hits, a.astype(b.dtype), b), found, hit)
+        if verdict.plan is None:
+            event = stiff if hits is None else hits | stiff
+            if hits is not None:
+                keep, t = keep & ~hits, jnp.where(hits, t0, t)
+            result = diffrax.RESULTS.where(event, diffrax.RESULTS.event_occurred, result)
+            return keep, t, following, lands, Control(inner, None, hit), result
+        event = keep & jnp.isfinite(verdict.plan.time)
+        event = event if hits is None else event | hits
+        taken = keep & ~event
+        lands = taken & (verdict.lands > 0)
+        t = jnp.where(taken, t1 + verdict.shift, t0)
+        again = verdict.again > 0
+        # What is wrong beyond an event does not matter: a step that is refused is tried up to there, if that is less.
+        goal = (1 + PAST) * verdict.plan.time - PAST * t0
+        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0))
+        following = jnp.where(
+            aims, jnp.where(jnp.isfinite(verdict.size), jnp.minimum(following, goal), goal), following
+        )
+        following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
+        following = jnp.where(lands, t + self.first, following)
+        following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
+        result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
+        result = diffrax.RESULTS.where(
+            event | (taken & ((verdict.ends > 0) | stiff)), diffrax.RESULTS.event_occurred, result
+        )
+        plan = jax.tree.map(lambda a, b: jnp.where(event, b.astype(a.dtype), a), plan, stop_gradient(verdict.plan))
+        return taken, t, following, lands, Control(inner, plan, hit), result
+
+
+def told_apart(jumps: Float[Array, " jumps"]) -> Float[Array, " jumps"]:
+    """The instants, without derivatives where two are one but for rounding: a step moves with one alone."""
+    if are_numbers(jumps):
+        return jumps
+    fixed = stop_gradient(jumps)
+    off = jnp.where(jnp.eye(fixed.size, dtype=bool), jnp.inf, jnp.abs(fixed[:, None] - fixed))
+    near = _ROUNDINGS * jnp.finfo(fixed.dtype).eps * jnp.abs(fixed)
+    return without_derivative(jnp.any(off <= near, axis=1), jumps)
+
+
+def _next_jump(jumps: Float[Array, " jumps"], t: Array) -> Array:
+    """The number before the first jump after a time; infinite if there is none."""
+    before = _beside(jumps, -jnp.inf)
+    return jnp.min(jnp.where(before > t, before, jnp.inf), initial=jnp.inf)
+
+
+def _beside(jumps: Float[Array, " jumps"], way: float) -> Float[Array, " jumps"]:
+    """The numbers beside jumps, with the derivatives of these."""
+    fixed = stop_gradient(jumps)
+    return jumps + (jnp.nextafter(fixed, way) - fixed)
+
+
+def size_of(error: Moving) -> Float[Array, ""]:
+    """Root of the mean square of a step's errors; on a chart the largest, which coordinates that keep still do not
+    dilute: in space most do."""
+    return optx.rms_norm(error) if error.base is None else optx.max_norm(error)
