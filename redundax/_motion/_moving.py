@@ -205,7 +205,7 @@ class Equations(AbstractModule):
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
         own = linear if felt is None else linear._replace(rate=felt)
-        solved = self.solved(state, own, context.tau, context.along)
+        solved = self.solved(state, own, context.tau, context.along, felt is not None)
         return self.change(state, y, linear.rate, solved), solved.slip, linear.rate
 
     def change(self, state: State, y: Moving, rate: Float[Array, " p"], solved: Solved) -> Moving:
@@ -264,18 +264,24 @@ class Equations(AbstractModule):
 
     @eqx.filter_jit
     def solved(
-        self, state: State, linear: AnyLinear, start: Float[Array, " p"] | None, along: Float[Array, " p"] | None = None
+        self,
+        state: State,
+        linear: AnyLinear,
+        start: Float[Array, " p"] | None,
+        along: Float[Array, " p"] | None = None,
+        exact: bool = False,
     ) -> Solved:
         """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known.
 
-        Surfaces that slide against the directions `along` have friction as if they still slid the other way.
+        Surfaces that slide against the directions `along` have friction as if they still slid the other way. Where slip
+        rates are `exact`, none is rounding, however slow.
         """
         tau, problem = linear.rate, None
         if self.system.friction:
             rate, sense = linear.rate, self.sense
             if self.directions is not None:
                 sense = sense if along is None else jnp.where(self.directions.directed, along, sense)
-                rate = jnp.where(self.directions.directed & self.is_none(rate), 0.0, rate)
+                rate = rate if exact else jnp.where(self.directions.directed & self.is_none(rate), 0.0, rate)
                 rate = rate if along is None else self.directions.past(rate, along)
             tau, problem = self._friction(Law.of(self.system, rate, sense, state), linear, start)
         acceleration, multipliers = linear.response.at(tau)

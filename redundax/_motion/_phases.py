@@ -366,7 +366,8 @@ def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
     let_go = jnp.where(touches, directions.against(holds), stop_gradient(done.mode.sense))
     sense = jnp.where(done.released, let_go, held)
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
-    return Release(equations.with_sense(sense), done.t, done.y, context, done.released, touches)
+    onward, rates = equations.with_sense(sense), stop_gradient((linear.rate, solved.slip))
+    return Release(onward, done.t, done.y, context, done.released, touches, *rates)
 
 
 def like(mask: Array, x: Array) -> Array:

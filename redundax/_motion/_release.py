@@ -11,8 +11,9 @@ polynomial over a span of time h whose slopes meet the equations at its start, i
     y_i = y0 + h sum_j a_ij f_j,   w_i = w0 + h sum_j a_ij F_j
 
 by Newton's method on the w_i, which alone are stiff, dw = (1 - h a dF/dw)^-1 (w0 + h a F - w); the rest follows by
-iteration. h is as long as the last terms of the slopes are below the tolerance, and no other event is passed. Ordinary
-steps go on from there, where friction turns the slip at a rate that h bounds.
+iteration. h is as long as the last terms of the slopes are below the tolerance, and no other event is passed. Where
+friction still turns slips at a rate far above 1 / h, as of feet that are let go one after the other, or one near to
+what the others turn about, the next span begins there. Ordinary steps go on from where they are as long.
 
 Where loads just reach what friction holds, slips begin at the t0 and along the w at which F(t0, y, w) = 0. With l of
 the left null space, l F_w = 0, t0 is a root of l F, however w turns beside it: so it has its derivative (`_at_limit`).
@@ -27,7 +28,7 @@ import jax
 import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 from numpy.polynomial import legendre
 
 from .._system._directions import Directions
@@ -40,8 +41,13 @@ from ._project import project
 from ._slip import has_event
 from ._touch import margins
 
-# Degree of the slopes, iterations, and spans that are tried.
-_DEGREE, _SWEEPS, _SPANS = 8, 10, 16
+# Degree of the slopes, iterations, spans that are tried, and that follow each other.
+_DEGREE, _SWEEPS, _SPANS, _FOLLOW = 8, 10, 16, 20
+# Rate at which friction turns slips, by a span, from which ordinary steps would be many; and by what spans may grow.
+_STIFF, _GROWS = 30.0, 4.0
+# Accelerations from which iterations for slips that begin do, relative to those of the mechanism: directions settle at
+# once where these are less than what comes out, but not so little that rounding of friction across them counts.
+_SLOW = 1e-9
 # Least tolerance, in roundings.
 _ROUNDINGS = 100.0
 # Newton's steps to a limit; slips there, in those that count as none; what slip accelerations miss there at most, as a
@@ -63,11 +69,13 @@ def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 _NODES, _COEFFICIENTS, _INTEGRALS = _lobatto(_DEGREE)
 # As parts of the span: times of the nodes, and a.
 _TIMES, _WEIGHTS = (_NODES + 1) / 2, np.vander(_NODES, _DEGREE + 2, increasing=True) @ _INTEGRALS / 2
+# The slope at the end by values at the nodes.
+_SLOPE = 2 * np.array([legendre.legval(1.0, legendre.legder(values)) for values in _COEFFICIENTS.T])
 
 
 class Release(NamedTuple):
     """When and where joints are let go: which, what stays the same for a while, and whether loads just reach what
-    friction holds; else slips begin with accelerations of their own."""
+    friction holds; else slips begin with accelerations of their own. Slip rates, and their slopes as if still held."""
 
     equations: Equations
     t: Array
@@ -75,6 +83,14 @@ class Release(NamedTuple):
     context: Context
     joints: Bool[Array, " p"]
     touches: Bool[Array, ""]
+    rate: Float[Array, " p"]
+    slip: Float[Array, " p"]
+
+    @property
+    def slides(self) -> Bool[Array, " p"]:
+        """Which slips are of surfaces that slide in several directions."""
+        directed = cast(Directions, self.equations.directions).directed
+        return directed & self.equations.may_stick & ~self.equations.sticking
 
 
 class Onward(NamedTuple):
@@ -87,38 +103,79 @@ class Onward(NamedTuple):
 
 
 class _Course(NamedTuple):
-    """A span h, f and w at its nodes, and the inverse of Newton's method; the error by the tolerance."""
+    """A span h, f and w at its nodes, and the inverse of Newton's method; the error by the tolerance, and the rate at
+    which friction turns slips at the end."""
 
     span: Array
     slopes: Float[Array, "nodes size"]
     rates: Float[Array, "nodes p"]
     inverse: Float[Array, "unknowns unknowns"]
     error: Array
+    turning: Array
+
+
+class _Guess(NamedTuple):
+    """Where a span begins: how long it may be, and slip rates and their slopes from which iterations begin."""
+
+    span: Array
+    rates: Float[Array, " p"]
+    slopes: Float[Array, " p"]
 
 
 def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
     """The motion from a release on, for a while; where it is if there is none."""
     if len(cast(Directions, release.equations.directions).joints) > 1:  # one goes against what holds it, known there
         release = jax.lax.cond(batch_any(release.touches), lambda: _at_limit(release, end), lambda: release)
-    t, y, sense = release.t, release.y, release.equations.sense
-    none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
-    wanted = jnp.any(release.joints)
+    t, y, directions = release.t, release.y, cast(Directions, release.equations.directions)
+    path = jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y)
     tolerance = jnp.maximum(tolerance, _ROUNDINGS * jnp.finfo(t.dtype).eps)
+    arms, equations = directions.arms, release.equations
+    slow = _SLOW * equations.speed**2 / equations.scaling.size / directions.reach(equations.slip_size)
+    slopes = jnp.where(release.joints, slow * equations.sense / arms, jnp.where(release.touches, release.slip, 0.0))
+    rates = jnp.where(release.joints, 0.0, release.rate)
+    whole = jnp.minimum(end - t, equations.scaling.size / equations.speed)
+    guess = stop_gradient(_Guess(whole, rates, slopes))
 
-    def begun() -> Onward:
-        course = _longest(stop_gradient(release), jax.lax.stop_gradient(end), tolerance)
-        course = jax.lax.fori_loop(0, _SWEEPS, lambda _, now: _swept(release, now, renews=False), course)
-        goes = wanted & (course.error <= 1)
-        then = jnp.where(course.span < end - t, t + course.span, end)
-        path = _along(release, course, jnp.append(ts, then))
-        there = rechart(release.equations.system, jax.tree.map(lambda x: x[-1], path))[0]
-        there = project(release.equations.system, then, there, release.context.held)
-        then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
-        then, there = jax.tree.map(lambda x: without_derivative(wanted & ~goes, x), (then, there))
-        turned = jnp.where(goes, _directions(release, course), sense)
-        return Onward(then, there, turned, jax.tree.map(lambda x: x[:-1], path))
+    def follow(_: int | Array, now: tuple[Release, PyTree, _Guess, Array]) -> tuple[Release, PyTree, _Guess, Array]:
+        return jax.lax.cond(batch_any(now[-1]), lambda: _followed(*now, (end, ts, tolerance)), lambda: now)
 
-    return jax.lax.cond(batch_any(wanted), begun, lambda: none)
+    first = release, path, guess, jnp.any(release.joints)
+    release, path, *_ = jax.lax.fori_loop(0, _FOLLOW, follow, first)
+    return Onward(release.t, release.y, release.equations.sense, path)
+
+
+def _followed(
+    release: Release, path: PyTree, guess: _Guess, wanted: Array, given: tuple[Array, Array, Array]
+) -> tuple[Release, PyTree, _Guess, Array]:
+    """Where one more span ends, if it is wanted; the path with what lies in it, and whether the next one follows."""
+    (end, ts, tolerance), (t, y, equations) = given, (release.t, release.y, release.equations)
+    course = _longest(stop_gradient(release), guess, wanted, tolerance)
+    course = jax.lax.fori_loop(0, _SWEEPS, lambda _, now: _swept(release, now, renews=False), course)
+    goes = wanted & (course.error <= 1)
+    then = jnp.where(course.span < end - t, t + course.span, end)
+    states = _along(release, course, jnp.append(ts, then))
+    there = rechart(equations.system, jax.tree.map(lambda x: x[-1], states))[0]
+    there = project(equations.system, then, there, release.context.held)
+    then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
+    then, there = jax.tree.map(lambda x: without_derivative(jnp.any(release.joints) & wanted & ~goes, x), (then, there))
+    here = goes & (ts > t) & (ts <= then)
+    path = jax.tree.map(
+        lambda new, old: jnp.where(here.reshape(-1, *[1] * (old.ndim - 1)), new[:-1], old), states, path
+    )
+    course = stop_gradient(course)
+    sense = jnp.where(goes, _directions(release, course), equations.sense)
+    onward = release._replace(
+        equations=equations.with_sense(sense),
+        t=then,
+        y=there,
+        context=release.context._replace(along=sense),
+        joints=release.joints & False,
+        touches=release.touches & False,
+    )
+    slope = jnp.asarray(_SLOPE, t.dtype) @ course.rates / jnp.where(goes, course.span, 1.0)
+    follows = goes & (course.turning * course.span > _STIFF) & (then < stop_gradient(end))
+    most = jnp.minimum(_GROWS * course.span, jax.lax.stop_gradient(end - then))
+    return onward, path, _Guess(most, course.rates[-1], slope), follows
 
 
 def _at_limit(release: Release, end: Array) -> Release:
@@ -197,49 +254,47 @@ def _together(
     return ways @ jnp.linalg.solve(off.T @ off + _ALIKE * jnp.diag(alike), alike)
 
 
-def _longest(release: Release, end: Array, tolerance: Array) -> _Course:
+def _longest(release: Release, guess: _Guess, wanted: Array, tolerance: Array) -> _Course:
     """The longest of some spans that do; a span of 0 if none does."""
-    equations, wanted = release.equations, jnp.any(release.joints)
     zero, size = jnp.zeros_like(release.t), jax.flatten_util.ravel_pytree(release.y)[0].size
     slopes, rates = (jnp.zeros((_DEGREE + 1, size), zero.dtype) for size in (size, release.joints.size))
-    none = _Course(zero, slopes, rates, jnp.eye(rates.size, dtype=zero.dtype), jnp.where(wanted, jnp.inf, zero))
+    error = jnp.where(wanted, jnp.inf, zero)
+    none = _Course(zero, slopes, rates, jnp.eye(rates.size, dtype=zero.dtype), error, zero)
 
     def attempt(carry: tuple[_Course, Array]) -> tuple[_Course, Array]:
         before, count = carry
         shrink = jnp.where(before.error > 1, jnp.clip(0.8 * before.error ** (-1 / _DEGREE), 0.1, 0.5), 0.5)
-        given = none._replace(span=before.span * jnp.where(count == 0, 1.0, shrink))
-        return _over(release, given, tolerance), count + 1
+        span = before.span * jnp.where(count == 0, 1.0, shrink)
+        begin = guess.rates + span * jnp.asarray(_TIMES, span.dtype)[:, None] * guess.slopes
+        return _over(release, none._replace(span=span, rates=begin), tolerance), count + 1
 
     def goes_on(carry: tuple[_Course, Array]) -> Bool[Array, ""]:
         course, count = carry
         return ~(course.error <= 1) & (count < _SPANS)
 
-    begin = none._replace(span=jnp.minimum(end - release.t, equations.scaling.size / equations.speed))
-    found, _ = jax.lax.while_loop(goes_on, attempt, (begin, jnp.zeros((), int)))
+    found, _ = jax.lax.while_loop(goes_on, attempt, (none._replace(span=guess.span), jnp.zeros((), int)))
     return jax.tree.map(lambda a, b: jnp.where(wanted & (found.error <= 1), a, b), found, none)
 
 
-def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
+def _over(release: Release, begin: _Course, tolerance: Array) -> _Course:
     """The course over a span, with its error: NaN where there is none or an event is passed."""
-    equations, joints = release.equations, release.joints
+    equations = release.equations
     directions, sizes = cast(Directions, equations.directions), _sizes(equations, release.y)
-    slow = tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
-    begin = given._replace(rates=given.rates + jnp.where(joints, 100 * slow * equations.sense / directions.arms, 0.0))
 
     def sweep(course: _Course, _: None) -> tuple[_Course, Array]:
         after = _swept(release, course, renews=True)
         return after, jnp.max(jnp.abs(after.slopes - course.slopes) / sizes)
 
     course, changes = jax.lax.scan(sweep, begin, length=_SWEEPS)
-    last = jnp.asarray(_COEFFICIENTS[-2:], given.span.dtype) @ course.slopes
-    error = given.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
-    then = release.t + given.span
+    last = jnp.asarray(_COEFFICIENTS[-2:], begin.span.dtype) @ course.slopes
+    error = begin.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
+    then = release.t + begin.span
     path = _along(release, course, then[None])
     state = jax.tree.map(lambda x: x[0], path).at(then)
     turned = _directions(release, course)
     linear = equations.linear(state, release.context.held, closed=equations.loaded)
     ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
-    stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
+    stops = jnp.any(release.slides & jnp.any(ahead <= 0, axis=0))
     event = stops | has_event(equations.with_sense(turned), state, linear, turned)
     if equations.touch is not None:
         there = rechart(equations.system, jax.tree.map(lambda x: x[0], path))[0]
@@ -249,7 +304,7 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
 
 def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
     """The next f and w at the nodes; with a new inverse, if so."""
-    (equations, t, y, context, joints, touches), span = release, course.span
+    (equations, t, y, context, joints, touches, *_), span = release, course.span
     (flat, unravel), weights = jax.flatten_util.ravel_pytree(y), span * jnp.asarray(_WEIGHTS, span.dtype)
 
     begins = joints & touches  # held at the start
@@ -275,9 +330,19 @@ def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
     if renews:
         coupled = jnp.einsum("ij,jpq->ipjq", weights, changes[0]).reshape(inverse.shape)
         inverse = jnp.linalg.inv(jnp.eye(inverse.shape[0], dtype=span.dtype) - coupled)
+        course = course._replace(turning=_turning(equations.slip_size[:, None] * changes[0][-1] / equations.slip_size))
     off = jnp.where(joints, 0.0, rate[0]) + weights @ slip - course.rates
     rates = course.rates + (inverse @ off.ravel()).reshape(off.shape)
     return course._replace(slopes=slopes, rates=rates, inverse=inverse)
+
+
+def _turning(matrix: Float[Array, "p p"]) -> Array:
+    """The largest rate that friction lets slips turn at, by powers: surfaces that can slide one way alone do not."""
+    size = jnp.max(jnp.abs(matrix))
+    part = matrix / jnp.where(size > 0, size, 1.0)
+    power = part @ part @ part @ part
+    least = jnp.finfo(size.dtype).tiny
+    return size * jnp.max(jnp.abs(power @ part)) / jnp.maximum(jnp.max(jnp.abs(power)), least)
 
 
 def _along(release: Release, course: _Course, times: Float[Array, " times"]) -> Moving:
@@ -289,9 +354,9 @@ def _along(release: Release, course: _Course, times: Float[Array, " times"]) -> 
 
 
 def _directions(release: Release, course: _Course) -> Float[Array, " p"]:
-    """The senses at the end; of joints let go the directions of w."""
+    """The senses at the end; of surfaces that slide the directions of w."""
     directions = cast(Directions, release.equations.directions)
-    return jnp.where(release.joints, directions.unit(directions.arms * course.rates[-1]), release.equations.sense)
+    return jnp.where(release.slides, directions.unit(directions.arms * course.rates[-1]), release.equations.sense)
 
 
 def _sizes(equations: Equations, y: Moving) -> Float[Array, " size"]:

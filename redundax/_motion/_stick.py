@@ -15,7 +15,7 @@ Joints that slip have the friction of their sense, lo = hi. Where a joint has se
 takes the place of the interval, and its surfaces start to slide against their friction.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -26,9 +26,10 @@ from .._solvers._friction_problem import Law
 from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._state import State
+from .._tools._module import batch_any
 from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
-from ._linear import AnyLinear, Holding
+from ._linear import AnyLinear, Holding, Linear, least_friction
 from ._moving import STILL, Equations, tolerance_of
 
 # Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
@@ -88,7 +89,9 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
         pulled = jnp.abs(acceleration) * equations.slip_size
-        sticks = sticks & ~_follows(equations.directions, tau, limits, jnp.where(still, pulled, 0.0), (sticks, enough))
+        few = sticks & (pulled > _FEW * enough) & jnp.any(still & ~sticks & (pulled > enough))
+        holds = _held_by(equations, cast(Linear, linear), tau, acceleration, sticks, few)
+        sticks = sticks & ~_follows(equations.directions, holds, limits, few)
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
     scale, free = equations.scaling.coordinates, linear.response.free.acceleration
@@ -129,20 +132,32 @@ def _at_rest(
     return found, (none, none) if directions is None else limits(linear.response.unit.multipliers[rows] @ found.tau)
 
 
+def _held_by(
+    equations: Equations,
+    linear: Linear,
+    tau: Float[Array, " p"],
+    acceleration: Float[Array, " p"],
+    sticks: Bool[Array, " p"],
+    asked: Bool[Array, " p"],
+) -> Float[Array, " p"]:
+    """Friction that leaves joints that stick no acceleration: sweeps leave one, which tells nothing of their limits."""
+
+    def held() -> Float[Array, " p"]:
+        return tau - least_friction(linear.yields, sticks, equations.slip_size) @ acceleration
+
+    return jax.lax.cond(batch_any(jnp.any(asked)), held, lambda: tau)
+
+
 def _follows(
     directions: Directions,
-    tau: Float[Array, " p"],
+    holds: Float[Array, " p"],
     limits: tuple[Array, Array],
-    pulled: Float[Array, " p"],
-    known: tuple[Bool[Array, " p"], Array],
+    few: Bool[Array, " p"],
 ) -> Bool[Array, " p"]:
-    """Which joints with several slips are let go with others, although they accelerate little, as they are near to
-    where these turn about: their friction is nearer to its limit than their acceleration is to none."""
-    (low, high), (sticks, enough) = limits, known
-    radius, force = (high - low) / 2 / directions.arms, (tau - (high + low) / 2) / directions.arms
+    """Which joints with several slips are let go with others, although they accelerate `few`, as they are near to where
+    these turn about: to hold them takes more friction than they have."""
+    low, high = limits
+    radius, force = (high - low) / 2 / directions.arms, (holds - (high + low) / 2) / directions.arms
     whole = jnp.where(directions.same, radius**2, 0.0).sum(axis=1)
-    room = 1 - jnp.sqrt(jnp.where(directions.same, force**2, 0.0).sum(axis=1) / jnp.where(whole > 0, whole, 1.0))
-    largest = jnp.where(directions.same, pulled, 0.0).max(axis=1)
-    share = largest / jnp.maximum(jnp.max(pulled), jnp.finfo(pulled.dtype).tiny)
-    follows = (share > room) & (largest > _FEW * enough) & jnp.any(~sticks & (pulled > enough))
-    return follows & directions.directed & (whole > 0)
+    needs = jnp.where(directions.same, force**2, 0.0).sum(axis=1)
+    return directions.any(few) & (needs > whole) & directions.directed & (whole > 0)

@@ -276,6 +276,16 @@ def test_a_table_turns_about_a_foot_that_sticks_until_that_slides_too(at, mu, pu
 
 
 @pytest.mark.slow
+def test_a_foot_is_let_go_a_moment_after_the_others():
+    """It hardly slides at first, as the others turn about it: friction turns its slip a million times a second."""
+    feet = Feet(CORNERS, 0.5, (-17.2, -13.5, -32.9), HEIGHT)
+    motion = moved(table(CORNERS, 0.5, ramp(feet.push, HEIGHT)), 1.3)
+    path, goes, slips = feet.turned(1, -1, np.asarray(motion.t))
+    assert 0 < slips - goes < 1e-3 and motion.stats.steps < 150
+    np.testing.assert_allclose(plane(motion), path[:, 3:], rtol=0, atol=1e-7)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("rates", [(1.0, 0.0, 3.0), (0.3, -0.2, 0.7), (1.0, 0.3, 0.1)])
 def test_a_table_stops_sliding_and_turning_at_once(rates):
     feet = Feet(OBLIQUE, 0.3)

@@ -16,3 +16,8 @@ def test_the_last_terms_are_those_of_legendre_polynomials():
     """t^7 holds 16 / 429 of P7 = 429 t^7 / 16 - ..., and nothing of P8."""
     nodes = 2 * _release._TIMES - 1
     np.testing.assert_allclose(_release._COEFFICIENTS[-2:] @ nodes**7, [16 / 429, 0.0], rtol=0, atol=1e-14)
+
+
+def test_slopes_at_the_end_are_those_of_polynomials():
+    for power in range(_release._TIMES.size):
+        np.testing.assert_allclose(_release._SLOPE @ _release._TIMES**power, power, rtol=0, atol=1e-10)
