@@ -143,8 +143,8 @@ def page_of(path: Path) -> str:
 
 
 def with_formulas(text: str) -> str:
-    """The text of a notebook with its formulas as browsers draw them by themselves."""
-    return re.sub(r"\$([^$\n]+)\$", lambda found: latex2mathml.converter.convert(found[1]), text)
+    """The text of a notebook with its formulas as browsers draw them by themselves, within lines."""
+    return re.sub(r"\$([^$\n]+)\$", lambda found: f"<span>{latex2mathml.converter.convert(found[1])}</span>", text)
 
 
 def beside(text: str, path: Path, folder: Path) -> str:

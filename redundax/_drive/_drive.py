@@ -174,8 +174,10 @@ def _solved(
     remarks = *narrow_places(path, np.asarray(at.weakest)), *_of_joints_that_never_slip(path.system, senses)
     stays = _stays(path, choices, at, senses, rows)
     run = replace_fields(run, system=path.system, remarks=remarks, stays=stays)
-    run = asked_again(path, names, closure, Batch(run, good, senses), asked, throw)
-    for touch in touching(*contacts, path, run) if contacts else ():
+    touches = touching(*contacts, path, run) if contacts else ()
+    alone = ~np.any([np.zeros_like(good), *(touch.at for touch in touches)], axis=0)
+    run = asked_again(path, names, closure, Batch(run, good, senses), asked, throw, alone)
+    for touch in touches:
         run = _touched(run, touch, choices[0], solver)
     if throw is not False:
         _check(run)
@@ -194,7 +196,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
     apart = np.abs(at.acceleration - run.acceleration) / np.asarray(path.scale.coordinates)
     together = apart.max(axis=1) <= _CONTRADICTS * np.nanmax(sizes, initial=0.0)
     good = together & _is_good(at._replace(contradiction=np.zeros_like(at.weakest)), found, solver)
-    own = asked_again(path, touch.names, closure, Batch(own, good | ~touch.at, senses), None, False)
+    own = asked_again(path, touch.names, closure, Batch(own, good, senses), None, False, touch.at)
     return replace_fields(with_contacts(run, own, touch), system=touch.whole)
 
 
@@ -202,6 +204,7 @@ def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: Abst
     """A run without what is known of its rests."""
     xp: Any = np if are_known(at) else jnp
     drives, good = drives_of(path.system), _is_good(at, found, solver)
+    reached = xp.isfinite(at.q.reshape(len(path.t), -1)).all(axis=1)[:, None]
     rows = np.array([each.row for each in drives], int)
     run = Run(
         t=path.t,
@@ -213,8 +216,8 @@ def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: Abst
         before=Moment(found.multipliers[:, 1], found.friction[:, 1]),
         result=RESULTS.successful,
         rates=at.prescribed[:, rows],
-        determined=~found.depends[:, rows],
-        determined_without_friction=~found.direct[:, rows],
+        determined=reached & ~found.depends[:, rows],
+        determined_without_friction=reached & ~found.direct[:, rows],
         stays=xp.full((len(path.t), len(rows), 2), np.nan),
         weakest=at.weakest,
         drives=drives,

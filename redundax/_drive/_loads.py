@@ -126,7 +126,9 @@ def loads(
     misfit = jnp.broadcast_to(jnp.asarray(d, W.dtype), scale.rows.shape) / scale.rows
     need = scale.coordinates * (system.load(state) - system.mass(state.q, t) @ at.acceleration)
     given = held.carried(softness, misfit, need)[0] / scale.rows
-    direct = jnp.linalg.norm(held.stress, axis=1) > _NOTHING
+    # Rows of contacts that are open are self-stress by themselves, and bear nothing.
+    stress = held.stress if system.kept is None else held.stress * system.kept[:, None]
+    direct = jnp.linalg.norm(stress, axis=1) > _NOTHING
     if not system.friction:
         both = (jnp.broadcast_to(given, (len(senses), given.size)), jnp.zeros((len(senses), 0), given.dtype))
         return Loads(*both, direct, direct, softness.decides, None)
@@ -152,7 +154,7 @@ def loads(
         multipliers, progress = given + friction @ by_friction.T, None
     law = Law(system.friction, rate, jnp.ones_like(rate), state)
     least = held.across(jax.lax.stop_gradient(pulls))
-    depends = direct | _through_friction(jax.lax.stop_gradient(law), held.stress, least, scale.rows, rows)
+    depends = direct | _through_friction(jax.lax.stop_gradient(law), stress, least, scale.rows, rows)
     return Loads(multipliers, friction, direct, depends, softness.decides, progress)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure
-from .._equations._gaps import overlaps
+from .._equations._gaps import model_of_all, overlaps
 from .._equations._scaling import largest_violation
 from .._solve._contacts import CLEAR, contacts_at
 from .._solve._solve import solve
@@ -125,7 +125,16 @@ def touching(system: AbstractSystem, start: State, path: Path, run: Run) -> tupl
 
 @as_program
 def _closed(system: AbstractSystem, q: Array, qd: Array, t: Array) -> Bool[Array, "times contacts"]:
-    return jax.vmap(lambda *at: contacts_at(system, State(*at))[0])(q, qd, t)
+    """Those at rest relative to what is closed; where a motion ends as it strikes one, that is still open."""
+
+    def of_one(q: Array, qd: Array, t: Array) -> Bool[Array, " contacts"]:
+        state = State(q, qd, t)
+        closed, (_, _, scales) = contacts_at(system, state)
+        rate = model_of_all(system, state).motion.rate / scales.rows
+        strikes = rate > largest_violation(rate.dtype) * jnp.max(jnp.abs(state.qd / scales.coordinates))
+        return closed & ~strikes[np.array(system.names.one_sided)]
+
+    return jax.vmap(of_one)(q, qd, t)
 
 
 def _overlaps(system: AbstractSystem, path: Path, rows: list[int]) -> Float[np.ndarray, "times rows"]:
@@ -161,10 +170,12 @@ def asked_again(
     batch: Batch,
     ask: Callable[[Path], Batch] | None,
     throw: bool | None,
+    times: Bool[np.ndarray, " times"] | bool = True,
 ) -> Run:
     """A run with answers where the batch has none, for the names of the system whose contacts open.
 
     - `ask`: gives the batch of a path; None where contacts may lift.
+    - `times`: which of them are asked; others are not.
     """
     run, good, _ = batch
     system: Any = run.system
@@ -182,7 +193,7 @@ def asked_again(
         there = cast(Callable[[Path], Batch], ask)(finer)
         return lambda j: bool(_lifting(names, _solutions(system, there, j, closure)[1]))
 
-    for k in np.flatnonzero(~good).tolist():
+    for k in np.flatnonzero(~good & times).tolist():
         codes[k], found = _solutions(system, batch, k, closure)
         lifting = _lifting(names, found)
         if lifting and ask is not None:
@@ -203,22 +214,20 @@ def asked_again(
 
 
 def with_contacts(run: Run, own: Run, touch: Touching) -> Run:
-    """A run of a motion without contacts, where some of these push that with them."""
-    rows = list(touch.names.one_sided)
+    """A run of a motion without contacts, with what is so with them where they are closed. Where none of them pushes
+    drives are as determined as without."""
+    lam = np.abs(np.asarray(own.multipliers))
+    pushes = ~(lam[:, list(touch.names.one_sided)] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
 
-    def push(of: Moment | Run) -> Bool[np.ndarray, " times"]:
-        lam = np.abs(np.asarray(of.multipliers))
-        return touch.at & ~(lam[:, rows] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
+    def chosen(at: np.ndarray, *names: str) -> dict[str, Any]:
+        def put(a: Any, b: Any) -> Any:
+            return np.where(at.reshape(-1, *[1] * (np.ndim(a) - 1)), a, b)
 
-    def chosen(at: np.ndarray, new: Any, old: Any) -> Any:
-        return jax.tree.map(lambda a, b: np.where(at.reshape(-1, *[1] * (np.ndim(a) - 1)), a, b), new, old)
+        return {name: jax.tree.map(put, getattr(own, name), getattr(run, name)) for name in names}
 
-    after, moments = push(own), chosen(push(own.before), own.before, run.before)
-    changed = {
-        name: chosen(after, getattr(own, name), getattr(run, name))
-        for name in ("multipliers", "friction", "acceleration", "result", "determined", "determined_without_friction")
-    }
-    return replace_fields(run, **changed, stays=chosen(after, own.stays, run.stays), before=moments)
+    loads = chosen(touch.at, "multipliers", "friction", "acceleration", "before", "result")
+    told = chosen(touch.at & pushes, "determined", "determined_without_friction", "stays")
+    return replace_fields(run, **loads, **told)
 
 
 def _solutions(system: Any, batch: Batch, k: int, closure: AbstractClosure) -> tuple[int, Any]:

@@ -182,11 +182,13 @@ def arrived(
     """
     change = jax.lax.stop_gradient(equations.derivative(t, y, context))
     along = jnp.ones_like(t), change
-    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)[:3]), (t, y), along)
+    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context, True)[:3]), (t, y), along)
     slope = jax.lax.stop_gradient(slope)
     # What others put down has no slope but of rounding.
     falls = jnp.where(jnp.arange(len(each)) == 0, tolerance_of(NONE, t) * equations.speed / equations.scaling.size, 0.0)
-    sound = which & (slope < -falls[:, None]) & (jnp.abs(each) <= tolerance_of(_OFF, each))
+    # Nor has what a gap has told of accelerations that have not: these are then as far from zero as at first.
+    off = jnp.where(jnp.arange(len(each)) == 2, tolerance_of(TAKEN, each), tolerance_of(_OFF, each))
+    sound = which & (slope < -falls[:, None]) & (jnp.abs(each) <= off[:, None])
     shifts = jnp.where(sound, -each / jnp.where(sound, slope, 1.0), jnp.inf)
     nearest = jnp.argmin(jnp.abs(shifts), axis=0)
     shift = jnp.min(jnp.take_along_axis(shifts, nearest[None], axis=0))

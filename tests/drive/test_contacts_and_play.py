@@ -135,14 +135,13 @@ def test_a_rod_leaves_its_foot_and_comes_down_on_it_again():
 
     Where it lies, f on the foot, 19.62 - f on the pin and the torque 9.81 - f have the least norm for f = 9.81.
     """
-    rod = rx.Mechanism(
-        [rx.Body("rod", 2.0, 0.1)],
-        [
-            rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0)),
-            rx.PinInSlot("foot", "rod", "ground", (0.5, 0.0), (0.0, 0.0), (0.0, 1.0), one_sided=True),
-        ],
-        gravity=(0.0, -G),
-    )
+
+    def rod_on(**foot):
+        pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
+        foot = rx.PinInSlot("foot", "rod", "ground", (0.5, 0.0), (0.0, 0.0), (0.0, 1.0), one_sided=True, **foot)
+        return rx.Mechanism([rx.Body("rod", 2.0, 0.1)], [pin, foot], gravity=(0.0, -G))
+
+    rod = rod_on()
     ts, size, rate = np.linspace(0.0, 2.0, 41), 0.4, np.pi
     moves = (ts > 0.5 + 1e-9) & (ts < 1.5 - 1e-9)
 
@@ -158,8 +157,18 @@ def test_a_rod_leaves_its_foot_and_comes_down_on_it_again():
     np.testing.assert_array_equal(run.determined[:, 0], moves)
     own = rx.solve(run.system, run.states[0])
     assert own.contacts["foot"] == "carries" and own["foot force y on rod"] == pytest.approx(G, rel=1e-9)
+    rough = rx.drive(rod_on(friction=rx.Coulomb(0.3)), {"A.angle": angle}, ts, {"rod.x": 0.5})
+    np.testing.assert_array_equal(rough.determined[:, 0], moves)
+    np.testing.assert_allclose(rough["A.angle torque"][moves], torque[moves], rtol=1e-9)
+
+    beyond = {"A.angle": lambda t: size * jnp.sin(rate * t)}
     with pytest.raises(rx.NoSolutionError, match=r"Contacts are reached at t = 1: foot"):
-        rx.drive(rod, {"A.angle": lambda t: size * jnp.sin(rate * t)}, ts, {"rod.x": 0.5})
+        rx.drive(rod, beyond, ts, {"rod.x": 0.5})
+    run, up = rx.drive(rod, beyond, ts, {"rod.x": 0.5}, throw=False), (ts > 0) & (ts < 1 - 1e-9)
+    torque = 2 * G * 0.5 * np.cos(size * np.sin(rate * ts)) - 0.6 * size * rate**2 * np.sin(rate * ts)
+    np.testing.assert_allclose(run["A.angle torque"][up], torque[up], rtol=1e-9)
+    assert np.isnan(run.forces[ts > 1 + 1e-9]).all() and not run.determined[ts > 1 + 1e-9].any()
+    assert "singular" not in str(run)
 
 
 def test_guides_of_given_stiffness_share_a_load_beside_a_stop_that_is_open():

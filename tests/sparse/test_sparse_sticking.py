@@ -12,7 +12,7 @@ from truth.swings import frictions, stop, swings
 import redundax as rx
 from redundax._equations._factorize import factorize
 from redundax._motion._held_rank import hold
-from redundax._motion._integrate import _equations
+from redundax._motion._integrate import _equations, _speed
 from redundax._motion._stick import next_mode
 
 
@@ -32,7 +32,8 @@ def test_pendulums_on_a_mechanism_that_sticks_stop_as_each_alone():
 def moving(mechanism, state):
     """The equations of motion, the state, and what is held from there on."""
     factor = factorize(mechanism, state)
-    equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
+    state, speed = _speed(state, factor, jnp.asarray(1.0))
+    equations = _equations(mechanism, speed, factor, rx.MinimumNorm(), rx.Projection())
     return equations, state, hold(mechanism, state, factor)
 
 
