@@ -248,7 +248,8 @@ class ConstantFriction(AbstractFrictionModel):
 
     **Arguments:**
 
-    - `size`: friction force of the surfaces, N.
+    - `size`: friction force of the surfaces, N. Of a joint that turns the torque is `size` times its radius, so that
+      with `pin_radius=1.0` it is the torque itself, N m.
     """
 
     depends_on_load: ClassVar[bool] = False

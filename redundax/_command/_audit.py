@@ -248,4 +248,5 @@ def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
         return []
     copy = kind.replace(".usdz", ".usda")  # whose copy is a layer over it
     fix = f"--fix COPY{copy} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
-    return wrapped(f"Next: {fix}--all lists all releases; --html PAGE.html shows it.")
+    every = "" if arguments.all else "--all lists all releases; "
+    return wrapped(f"Next: {fix}{every}--html PAGE.html shows it.")

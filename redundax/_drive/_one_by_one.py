@@ -9,7 +9,7 @@ move. Contacts that are open are left out until one would be reached.
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple, cast
 
 import jax
@@ -32,6 +32,7 @@ from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
 from .._tools._numbers import as_arrays, as_program, computed
+from .._tools._waiting import telling_of
 from ._along import Path, instant, scaled
 from ._run import Moment, Run
 from ._senses import Senses
@@ -193,7 +194,7 @@ def asked_again(
         there = cast(Callable[[Path], Batch], ask)(finer)
         return lambda j: bool(_lifting(names, _solutions(system, there, j, closure)[1]))
 
-    for k in np.flatnonzero(~good & times).tolist():
+    for k in _told(np.flatnonzero(~good & times).tolist(), len(good)):
         codes[k], found = _solutions(system, batch, k, closure)
         lifting = _lifting(names, found)
         if lifting and ask is not None:
@@ -211,6 +212,12 @@ def asked_again(
                 array[k] = np.nan if found is None else np.asarray(getattr(found[side], name))
     result = jax.tree.map(lambda _: codes, RESULTS.successful)
     return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
+
+
+def _told(times: list[int], count: int) -> Iterator[int]:
+    """Times that are asked one by one, of which it is told where they take long."""
+    with telling_of(f"`solve` at {len(times)} of {count} times, one by one; fewer `ts` take less"):
+        yield from times
 
 
 def with_contacts(run: Run, own: Run, touch: Touching) -> Run:

@@ -160,20 +160,21 @@ def all_releases(found: Audit, language: str) -> Iterator[str]:
         head = f"Group {number} of loads that depend on each other, redundant by {group.redundancy}: "
         rows = "; ".join(_row(row, found.directions) for row in group.rows)
         yield from wrapped(head + rows, subsequent_indent="  ")
+        first = f"first what {language} can say, of these {_BEST}" if language else _BEST
         yield from wrapped(
-            f"Each line frees it; {_BEST}, by the least along the motion (from 0 to 1, here and least along it):",
+            f"Each line frees it; {first}, by the least along the motion (from 0 to 1, here and least along it):",
             initial_indent="  ",
             subsequent_indent="  ",
         )
-        for k, release in enumerate(group.releases):
-            free = [row for _, shares in release.directions for row in shares]
-            margin = release.determinant ** (1 / len(free))
+        free = [_freed_by(each) for each in group.releases]
+        can = [{row for rows in said if rows <= set(own) for row in rows} == set(own) for own in free]
+        for k in sorted(range(len(free)), key=lambda k: not can[k]):
+            margin = group.releases[k].determinant ** (1 / len(free[k]))
             least = group.margins[k] if group.margins else margin
-            can = {row for rows in said if rows <= set(free) for row in rows}
-            note = "" if not language or can == set(free) else f" (not possible in {language})"
+            note = "" if not language or can[k] else f" (not possible in {language})"
             worse = " not over the full motion" if least <= USABLE else ""
             yield from wrapped(
-                f"{_together(free)} {margin:.2f}, {least:.2f}{worse}{note}",
+                f"{_together(free[k])} {margin:.2f}, {least:.2f}{worse}{note}",
                 initial_indent="    ",
                 subsequent_indent="        ",
             )
