@@ -5,6 +5,7 @@ squares, friction against the slip of each foot, by a stiff method from just aft
 turns about one foot as a pin until that foot would slide.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def table(corners, mu, law, height=HEIGHT):
     feet = [
         rx.spatial.PointOnPlane(f"f{k}", top, "ground", (*at, 0.0), (0, 0, 1), **rough) for k, at in enumerate(corners)
     ]
-    loads = [rx.spatial.LoadFunction("top", pushes, parameters=jnp.array(law))]
+    loads = [rx.spatial.LoadFunction("top", pushes, parameters=jnp.asarray(law))]
     return rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81), loads=loads)
 
 
@@ -188,6 +189,19 @@ def test_feet_of_a_pushed_table_are_let_go_together(at, mu, push, lift):
     np.testing.assert_allclose(motion.q[:, :2], path[:, :2], rtol=0, atol=1e-7)
     assert np.abs(path[-1, 3:]).max() > 0.01 and motion.stats.steps < 300
     assert {words for each in motion.contacts.values() for words in each} == {"carries"}
+
+
+@pytest.mark.slow
+def test_pushed_tables_of_a_batch_are_let_go_each_at_its_time():
+    given = np.array([(-18.0, -24.0, 3.0), (-4.0, 8.0, 10.0)])
+    times = np.linspace(0.0, 1.3 * max(Feet(TRIPOD, MU, push, 0.2).let_go()[0] for push in given), 41)
+    laws = jnp.array([ramp(push, 0.2) for push in given])
+    move = lambda law: moved(table(TRIPOD, MU, law), times[-1], ts=times, throw=False)  # noqa: E731
+    motions = jax.jit(jax.vmap(move))(laws)
+    for k, push in enumerate(given):
+        path = Feet(TRIPOD, MU, push, 0.2).slid(times)
+        np.testing.assert_allclose(motions.qd[k][:, [0, 1, 5]], path[:, 3:], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(motions.q[k][:, :2], path[:, :2], rtol=0, atol=1e-7)
 
 
 def pushed(mu, *law, start=0.0):
