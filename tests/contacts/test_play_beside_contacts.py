@@ -5,7 +5,7 @@ import itertools
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from sliding import check_slide
 
 import redundax as rx
 
@@ -99,21 +99,7 @@ def test_a_sledge_with_play_and_a_foot_slides_to_a_stop():
     joints, foot = closure(mechanism, figures, {"foot": 1e-5}), [((0.0, 1.0, FOOT), 1e-6, -5e-6, 1e-5)]
     start = rx.State(jnp.zeros(3), jnp.array([2.0, 0.0, 0.0]))
     motion = rx.simulate(mechanism, start, 1.0, closure=joints, ts=np.linspace(0, 1, 21), rtol=1e-10)
-
-    def stops(t, y):
-        return y[1]
-
-    stops.terminal = True
-
-    def slope(t, y):
-        return [y[1], (along - MU * np.sum(np.abs(loads_at(t, 0.0, foot, MU)))) / MASS]
-
-    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "max_step": 1e-3}
-    run = solve_ivp(slope, (0.0, 1.0), [0.0, 2.0], events=stops, dense_output=True, **exact)
-    slides = np.asarray(motion.t) < run.t[-1]
-    truth = run.sol(np.minimum(motion.t, run.t[-1]))
-    np.testing.assert_allclose(motion.q[:, 0], truth[0], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(motion.qd[:, 0], np.where(slides, truth[1], 0.0), rtol=0, atol=1e-8)
+    slides = check_slide(motion, lambda t: (along - MU * np.sum(np.abs(loads_at(t, 0.0, foot, MU)))) / MASS)
     loads = np.array([loads_at(float(t), 0.0, foot, MU) for t in motion.t[slides]])
     np.testing.assert_allclose(motion.multipliers[slides], loads, rtol=1e-9, atol=1e-9)
     assert 0 < np.count_nonzero(loads[:, 3]) < len(loads)

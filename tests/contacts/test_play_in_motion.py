@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from sliding import check_slide
 
 import redundax as rx
 
@@ -86,21 +86,7 @@ def test_a_sledge_with_play_slides_to_a_stop():
     """Its friction reads the loads that play leaves, which change sides several times on the way."""
     mechanism = sledge(MU)
     motion = rx.simulate(mechanism, start(), 1.0, closure=closure(mechanism), ts=np.linspace(0, 1, 21), rtol=1e-10)
-
-    def stops(t, y):
-        return y[1]
-
-    stops.terminal = True
-
-    def slope(t, y):
-        return [y[1], (ALONG - MU * np.sum(np.abs(enumerated(t, MU)))) / MASS]
-
-    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "max_step": 1e-3}
-    run = solve_ivp(slope, (0.0, 1.0), [0.0, 2.0], events=stops, dense_output=True, **exact)
-    slides = np.asarray(motion.t) < run.t[-1]
-    truth = run.sol(np.minimum(motion.t, run.t[-1]))
-    np.testing.assert_allclose(motion.q[:, 0], truth[0], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(motion.qd[:, 0], np.where(slides, truth[1], 0.0), rtol=0, atol=1e-8)
+    slides = check_slide(motion, lambda t: (ALONG - MU * np.sum(np.abs(enumerated(t, MU)))) / MASS)
     for k in np.flatnonzero(slides):
         np.testing.assert_allclose(motion.multipliers[k], enumerated(float(motion.t[k]), MU), rtol=1e-9, atol=1e-9)
     sides = {tuple(np.sign(loads)) for loads in np.asarray(motion.multipliers[slides])}
