@@ -102,11 +102,12 @@ def margins(
     holds = kept[rows]
     push = jnp.where(holds, force[rows] / size, strain[rows] / or_one(jnp.max(jnp.abs(bent))))
     apart = jnp.where(touch.rests, tolerance_of(_APART, gap), 0.0)
-    gamma, mass = factor.motion.gamma / scale.rows, jnp.diagonal(system.mass(y.q, t))
+    gamma, mass = factor.motion.gamma, jnp.diagonal(system.mass(y.q, t))
     free = jnp.abs(linear.load) + jnp.abs(jacobian).T @ jnp.abs(solved.multipliers)
     parts = jnp.abs(solved.acceleration) + jnp.where(mass > 0, free / or_one(mass), 0.0)
-    size = jnp.max(jnp.abs(jacobian) @ parts / scale.rows + jnp.abs(gamma))
-    taken = (factor.stress @ (factor.stress.T @ gamma))[rows] / or_one(size)
+    size = jnp.max((jnp.abs(jacobian) @ parts + jnp.abs(gamma)) / scale.rows)
+    own = factor.held.row_scale
+    taken = (own / scale.rows * (factor.stress @ (factor.stress.T @ (gamma / own))))[rows] / or_one(size)
     held = jnp.where(holds, gap, -jnp.inf)
     left = jnp.where(holds, 2 * tolerance_of(TAKEN, gap) - taken, jnp.inf)
     # Soft laws take positions apart before accelerations tell; as great where it is as much beyond what counts.

@@ -248,8 +248,8 @@ def contradicted(
     kept: Bool[Array, " m"], at: tuple[Array, Array, Scaling], factor: Factorisation
 ) -> Float[Array, " m"]:
     """The part of gamma that no acceleration meets, P gamma, of rows that are kept."""
-    _, gamma, scales = at
-    return factor.split.stress @ xp.where(kept, gamma / scales.rows, 0.0)
+    (_, gamma, scales), own = at, factor.scaling
+    return own.rows / scales.rows * (factor.split.stress @ xp.where(kept, gamma / own.rows, 0.0))
 
 
 def size_along(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
