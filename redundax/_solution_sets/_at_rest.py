@@ -138,13 +138,21 @@ def sense_of_start(system: AbstractSystem, state: State, factor: Factorisation) 
     a, gamma = np.asarray(factor.acceleration), np.asarray(slip_gamma(system.anonymous, state))
     begins = slopes.T @ a - gamma
     size = (np.abs(slopes).T @ np.abs(a) + np.abs(gamma)) * turns
-    starts, free = np.abs(begins) * turns > _HELD * size.max(initial=0.0), free_slips(system, state, factor)
+    least = max(_HELD * size.max(initial=0.0), _rounding(factor) * _largest_acceleration(system, factor))
+    starts, free = np.abs(begins) * turns > least, free_slips(system, state, factor)
     moves = np.asarray(factor.motion_of(xp.asarray(rates * turns)).is_yes)
     directions = directions_of(system.friction)
     if directions is not None:
         starts, free, moves = (np.asarray(directions.any(flags)) for flags in (starts, free, moves))
     sense = np.where(starts & ~free & ~moves, begins, 0.0)
     return sense if sense.any() else None
+
+
+def _largest_acceleration(system: AbstractSystem, factor: Factorisation) -> float:
+    """Of the mechanism and of its bodies by loads alone, as lengths."""
+    mass, load, a = (np.asarray(x) for x in (np.diagonal(factor.mass), factor.load, factor.acceleration))
+    parts = np.abs(a) + np.where(mass > 0, np.abs(load) / np.where(mass > 0, mass, 1.0), 0.0)
+    return (parts * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)).max(initial=0.0)
 
 
 def free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray:
