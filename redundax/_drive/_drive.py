@@ -6,7 +6,7 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -40,6 +40,7 @@ from ._one_by_one import (
     Touching,
     as_closed,
     asked_again,
+    driven_by,
     of_closed_contacts,
     of_contacts,
     touching,
@@ -113,42 +114,43 @@ def drive(
         else:
             names = of_closed_contacts(system, start)
     path = along(as_closed(system, names), laws, ts, q, hold, throw, start)
-    if not are_known(path, closure):
-        _refuse_contacts(system.names)
-        if not isinstance(closure, LeastPeak):
-            refuse_play(closure, system, "`drive` inside of transformations", _SOLVES)
     if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
             '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
         )
-    path, said = until_reached(system, names, path, throw) if are_known(path) else (path, ())
-    if not isinstance(closure, LeastPeak):
-        run = _solved(path, names, closure, solver, throw, contacts)
-        return replace_fields(run, remarks=(*run.remarks, *said)) if said else run
     if not are_known(path, closure):
+        _refuse_inside(system, closure)
+        return _solved(path, names, cast(AbstractClosure, closure), solver, throw)
+    path, said = until_reached(system, names, path, throw)
+    if isinstance(closure, LeastPeak):
+        count = len(path.system.undriven.rows)
+
+        def forces_of(one: AbstractClosure) -> np.ndarray:
+            return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
+
+        sharing = [each.name for each in drives_of(path.system) if each.row >= count]
+        closure, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
+        said = *said, *shared
+    run = _solved(path, names, closure, solver, throw, contacts)
+    whole = driven_by(path, system.whole) if system.names.one_sided else path.system
+    return replace_fields(run, remarks=(*run.remarks, *said), system=whole)
+
+
+def _refuse_inside(system: AbstractSystem, closure: AbstractClosure | LeastPeak) -> None:
+    """Refuse what is not had inside of transformations: one-sided contacts, all of which would be held, shares that are
+    looked for, and play."""
+    if system.names.one_sided:
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, {', '.join(system.names.contacts)}, which `drive` does not "
+            "open and close inside of `jit`, `vmap` and `grad`. Ask `solve` or `analyze` which of them carry, and give "
+            "the mechanism with these alone, not one-sided."
+        )
+    if isinstance(closure, LeastPeak):
         raise RedundaxError(
             "Argument `closure` must be another than `LeastPeak` inside of `jit`, `vmap` and `grad`: `LeastNorm`, say."
         )
-    count = len(path.system.undriven.rows)
-
-    def forces_of(one: AbstractClosure) -> np.ndarray:
-        return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
-
-    sharing = [each.name for each in drives_of(path.system) if each.row >= count]
-    chosen, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
-    run = _solved(path, names, chosen, solver, throw, contacts)
-    return replace_fields(run, remarks=(*run.remarks, *said, *shared))
-
-
-def _refuse_contacts(names: Names) -> None:
-    """Refuse one-sided contacts inside of transformations, where all of them would be held."""
-    if names.one_sided:
-        raise RedundaxError(
-            f"Argument `system` has one-sided contacts, {', '.join(names.contacts)}, which `drive` does not open and "
-            "close inside of `jit`, `vmap` and `grad`. Ask `solve` or `analyze` which of them carry, and give the "
-            "mechanism with these alone, not one-sided."
-        )
+    refuse_play(closure, system, "`drive` inside of transformations", _SOLVES)
 
 
 def _solved(
@@ -197,7 +199,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
     together = apart.max(axis=1) <= _CONTRADICTS * np.nanmax(sizes, initial=0.0)
     good = together & _is_good(at._replace(contradiction=np.zeros_like(at.weakest)), found, solver)
     own = asked_again(path, touch.names, closure, Batch(own, good, senses), None, False, touch.at)
-    return replace_fields(with_contacts(run, own, touch), system=touch.whole)
+    return with_contacts(run, own, touch)
 
 
 def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: AbstractSolver) -> Batch:

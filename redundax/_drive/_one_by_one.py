@@ -98,29 +98,29 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
     return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
 
 
+def driven_by(path: Path, base: AbstractSystem) -> AbstractSystem:
+    """A system with the drives of a motion."""
+    return replace_fields(path.system, base=base) if isinstance(path.system, Driven) else base
+
+
 class Touching(NamedTuple):
     """Contacts that are closed at some times of a motion that laws decide by themselves: the names of a system with
-    these alone, the motion with them held, and when that is; and the driven system with all of its contacts."""
+    these alone, the motion with them held, and when that is."""
 
     names: Names
     path: Path
     at: Bool[np.ndarray, " times"]
-    whole: AbstractSystem
 
 
 def touching(system: AbstractSystem, start: State, path: Path, run: Run) -> tuple[Touching, ...]:
     """Which contacts of a system are closed when, on the path that laws give without them."""
     at, names, found = (jnp.asarray(x) for x in (run.q, run.qd, run.t)), system.names, []
     closed = np.asarray(_closed(system.anonymous, *at))
-
-    def driven(base: AbstractSystem) -> AbstractSystem:
-        return replace_fields(path.system, base=base) if isinstance(path.system, Driven) else base
-
     for own in np.unique(closed[closed.any(axis=1)], axis=0):
         of_these = of_contacts(names, own)
-        held = driven(as_closed(system.whole, of_these))
+        held = driven_by(path, as_closed(system.whole, of_these))
         again = path._replace(system=held, scale=scaled(held, start)[0])
-        found.append(Touching(of_these, again, (closed == own).all(axis=1), driven(system.whole)))
+        found.append(Touching(of_these, again, (closed == own).all(axis=1)))
     return tuple(found)
 
 

@@ -66,6 +66,7 @@ def loads_at(t, along, contacts=(), mu=0.0):
     return loads
 
 
+@pytest.mark.slow
 def test_a_sledge_with_play_strikes_two_walls():
     """Of two walls one loses its load, as the sledge crosses the clearance of a support, and gets it again."""
     along, figures = 20.0, {"w0": (1e-6, (0.0, 0.0)), "w1": (1.2e-6, (1e-5, 0.0))}

@@ -184,3 +184,23 @@ def test_guides_of_given_stiffness_share_a_load_beside_a_stop_that_is_open():
     np.testing.assert_allclose(run["K0 force y on s"], (u + x[0] * w) / c[0], rtol=1e-9)
     own = rx.solve(run.system, run.states[1], closure=stiff)
     np.testing.assert_allclose(own["K1 force y on s"], (u + x[1] * w) / c[1], rtol=1e-9)
+
+
+def test_the_machine_of_a_run_has_its_contacts_as_they_are_at_each_state():
+    """A ram lies on a driven platform, and a stop far below it takes no part."""
+    up, none = (1.0, 0.0), (0.0, 0.0)
+    joints = [
+        rx.Translational("G", "ram", "ground", none, none, up),
+        rx.Translational("H", "low", "ground", none, none, up),
+        rx.PinInSlot("lies", "ram", "low", none, none, (0.0, 1.0), one_sided=True),
+        rx.PinInSlot("stop", "ram", "ground", none, (0.0, -0.5), (0.0, 1.0), one_sided=True),
+    ]
+    press = rx.Mechanism([rx.Body("ram", 2.0, 1.0), rx.Body("low", 1.0, 1.0)], joints, gravity=(0.0, -9.81))
+    law, ts = rx.Harmonic(0.05, frequency=1.0), np.linspace(0.0, 1.0, 5)
+    run = rx.drive(press, {"H.travel": law}, ts, rx.assemble(press, {}).q)
+    report = rx.analyze(run.system, run.states[2])
+    assert report.redundancy == 0 and report.contacts == {"lies": "carries", "stop": "open"}
+    fit = rx.MisfitBox(rx.ElasticJoints(press, {"lies": 1e-8, "stop": 1e-8}), {"stop.perpendicular": (-1e-5, 1e-5)})
+    band = rx.band(run.system, run.states[2], ["stop.perpendicular", "lies.perpendicular"], fit)
+    np.testing.assert_allclose(band.lower, band.upper, atol=1e-12)
+    np.testing.assert_allclose(band.lower, [0.0, float(run["lies.perpendicular"][2])], atol=1e-12)

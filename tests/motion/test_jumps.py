@@ -38,6 +38,7 @@ def on_a_spring(load, p, span, **options):
     return rx.simulate(mechanism, rx.assemble(mechanism, {}), span, ts=[span], **options).q[0, 0]
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_instant_of_a_kink_and_of_a_jump_are_as_accurate_as_others():
     """A force that rises to 3 N/s t_1 and is gone from t_2 on: of a slider on a spring, by the ramps that make it."""
 

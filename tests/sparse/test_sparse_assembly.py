@@ -15,7 +15,8 @@ def planar():
     return mechanism, mechanism.state(0.8, rate=1.0)
 
 
-@pytest.mark.parametrize("case", [planar, pytest.param(lambda: ladder(2, twice=True), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [planar, lambda: ladder(2, twice=True)])
 def test_assembly_is_that_of_dense_matrices(case):
     """With the one freedom given, of a joint, the state is one; the velocity follows its rate."""
     mechanism, state = case()
