@@ -28,7 +28,7 @@ _BEARINGS = {
 def best_in_words(releases: Sequence[Release], rows: Sequence[str]) -> list[str]:
     """The first of some releases that bearings can do, as lines; none where no bearing does."""
     words = next(filter(None, (bearing_words(release, rows) for release in releases)), "")
-    told = f"In words of bearings: {words} (of the releases below the best that bearings can do)."
+    told = f"In words of bearings, of the releases below: {words}."
     return textwrap.wrap(told, WIDTH) if words else []
 
 

@@ -45,6 +45,7 @@ from ._one_by_one import (
     of_contacts,
     touching,
     until_reached,
+    with_codes,
     with_contacts,
 )
 from ._run import Drive, Moment, Run
@@ -133,8 +134,10 @@ def drive(
         closure, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
         said = *said, *shared
     run = _solved(path, names, closure, solver, throw, contacts)
-    whole = driven_by(path, system.whole) if system.names.one_sided else path.system
-    return replace_fields(run, remarks=(*run.remarks, *said), system=whole)
+    run = replace_fields(run, remarks=(*run.remarks, *said))
+    if not system.names.one_sided:
+        return run
+    return as_arrays(replace_fields(with_codes(run, system), system=driven_by(path, system.whole)))
 
 
 def _refuse_inside(system: AbstractSystem, closure: AbstractClosure | LeastPeak) -> None:

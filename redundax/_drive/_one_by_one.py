@@ -22,7 +22,7 @@ from .._equations._gaps import model_of_all, overlaps
 from .._equations._scaling import largest_violation
 from .._solve._contacts import CLEAR, contacts_at
 from .._solve._solve import solve
-from .._system._contact import LEFT_OUT, rows_that_hold
+from .._system._contact import LEFT_OUT, UNKNOWN, Contact, code_of, rows_that_hold
 from .._system._driven import Driven
 from .._system._names import Names
 from .._system._pushing import pulls_of
@@ -122,6 +122,19 @@ def touching(system: AbstractSystem, start: State, path: Path, run: Run) -> tupl
         again = path._replace(system=held, scale=scaled(held, start)[0])
         found.append(Touching(of_these, again, (closed == own).all(axis=1)))
     return tuple(found)
+
+
+def with_codes(run: Run, system: AbstractSystem) -> Run:
+    """A run with what its contacts do, and no rounding of a load where they are open."""
+    rows, lam = list(system.names.one_sided), np.array(run.multipliers)
+    closed = np.asarray(_closed(system.anonymous, *(jnp.asarray(x) for x in (run.q, run.qd, run.t))))
+    carries = lam[:, rows] > CLEAR * np.abs(lam).max(axis=1, keepdims=True)
+    codes = np.where(
+        closed, np.where(carries, *map(code_of, (Contact.carries, Contact.touches))), code_of(Contact.open)
+    )
+    answered = np.isfinite(lam).all(axis=1, keepdims=True)
+    lam[:, rows] = np.where(closed | ~answered, lam[:, rows], 0.0)
+    return replace_fields(run, multipliers=lam, contact=np.where(answered, codes, UNKNOWN))
 
 
 @as_program

@@ -6,6 +6,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._system._contact import words
 from .._system._export import frame_of
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
@@ -76,6 +77,8 @@ class Run(AbstractNamed):
     - `drives`: their names, rows and kinds.
     - `system`: the machine with its drives, for `rx.band_along(run.system, run.states, ...)` and other questions; None
       inside of transformations.
+    - `contact`: what one-sided contacts do, as the numbers of `contacts`, shape (times, contacts), -1 where there is no
+      answer; None where there are none.
 
     ??? example
 
@@ -103,6 +106,15 @@ class Run(AbstractNamed):
     drives: tuple[Drive, ...] = eqx.field(static=True)
     remarks: tuple[str, ...] = eqx.field(static=True, default=())
     system: AbstractSystem | None = eqx.field(default=None, repr=False)
+    contact: Int[Array, "times c"] | None = None
+
+    @property
+    def contacts(self) -> dict[str, Any]:
+        """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open", "" where there
+        is no answer."""
+        if self.contact is None or self.system is None:
+            return {}
+        return words(self.contact, self.system.names.contacts)
 
     @property
     def states(self) -> State:

@@ -155,6 +155,7 @@ def test_a_rod_leaves_its_foot_and_comes_down_on_it_again():
     np.testing.assert_allclose(run["A.angle torque"], torque, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(run["foot force y on rod"], np.where(moves, 0.0, G), rtol=1e-9, atol=1e-9)
     np.testing.assert_array_equal(run.determined[:, 0], moves)
+    np.testing.assert_array_equal(run.contacts["foot"], np.where(moves, "open", "carries"))
     own = rx.solve(run.system, run.states[0])
     assert own.contacts["foot"] == "carries" and own["foot force y on rod"] == pytest.approx(G, rel=1e-9)
     rough = rx.drive(rod_on(friction=rx.Coulomb(0.3)), {"A.angle": angle}, ts, {"rod.x": 0.5})
@@ -204,3 +205,4 @@ def test_the_machine_of_a_run_has_its_contacts_as_they_are_at_each_state():
     band = rx.band(run.system, run.states[2], ["stop.perpendicular", "lies.perpendicular"], fit)
     np.testing.assert_allclose(band.lower, band.upper, atol=1e-12)
     np.testing.assert_allclose(band.lower, [0.0, float(run["lies.perpendicular"][2])], atol=1e-12)
+    assert set(run.contacts["lies"]) == {"carries"} and set(run.contacts["stop"]) == {"open"}
