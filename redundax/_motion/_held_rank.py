@@ -53,6 +53,8 @@ from ._linear import Asked, Linear, linear_of
 
 # Roundings, of what friction causes of bodies without constraints, that are left of slips which these forbid.
 _BLOCKED = 100
+# Squares of entries of self-stress, which is O(1), that are none: those of rounding would move rows by anything.
+_COUPLED = 1e-9
 
 
 class Held(AbstractModule):
@@ -180,7 +182,8 @@ class HeldFactorisation(AbstractFactorisation[Array]):
             return off
         places, scale = np.array(rows), self.held.row_scale
         own, contradiction = self.stress[places], self.stress.T @ (off / scale)
-        moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=1e-9, hermitian=True) @ contradiction)  # self-stress is O(1)
+        own = jnp.where(jnp.sum(own**2) > _COUPLED, own, 0.0)
+        moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=_COUPLED, hermitian=True) @ contradiction)
         return off.at[places].add(-scale[places] * moved)
 
     def linear(self, asked: Asked) -> Linear:
