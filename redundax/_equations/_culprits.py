@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._system._contact import Contact, code_of
 from .._system._names import by_joint
 from .._system._pushing import warn_of_pulling
 from .._system._results import RESULTS, is_one_of
@@ -15,9 +16,11 @@ from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import is_concrete
 from ._factorisation import Factorisation, factorised
+from ._gaps import overlaps
 from ._kinematics import along_motion, explicit_gamma, slip_motion
 
 Out = TypeVar("Out", bound=Any)
+_NEAREST = 3  # contacts, at most, that are named where a motion ends
 
 
 def thrown(
@@ -46,6 +49,8 @@ def thrown(
         if out.result == RESULTS.step_too_small:
             near, bound = out.stats.nearest_singularity, out.stats.contraction
             told = f" Here `nearest_singularity` is {near:.2g} and `contraction` {bound:.2g}.{told}"
+        if end is not None and is_one_of(out.result, RESULTS.step_too_small, RESULTS.contacts_undecided):
+            told += _about_to_change(system, out)
         raise NoSolutionError(RESULTS[out.result] + told)
     warn_of_pulling(out.names, out.multipliers, stacklevel=3)
     return out
@@ -88,6 +93,26 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
+
+
+def _about_to_change(system: AbstractSystem, motion: Any) -> str:
+    """Contacts that are nearest to closing or opening at the last time that a motion is given at, the nearest first."""
+    known = np.flatnonzero(np.isfinite(np.asarray(motion.qd)).all(axis=1))
+    if motion.contact is None or not known.size:
+        return ""
+    last = known[-1]
+    state = jax.tree.map(lambda x: x[last], motion.states)
+    loads = np.asarray(motion.multipliers)[known][:, list(system.names.one_sided)]
+    most = np.fmax.reduce(loads, axis=0, initial=np.finfo(loads.dtype).tiny)
+    left_out = np.asarray(motion.contact)[last] == code_of(Contact.open)
+    part = np.where(left_out, np.abs(np.asarray(overlaps(system, state))), loads[-1] / most)
+    whole = np.where(left_out, "the size of the mechanism apart", "its largest load")
+    words = [
+        f"{system.names.contacts[k]} ({part[k]:.1e} of {whole[k]})"
+        for k in np.argsort(part)[:_NEAREST]
+        if np.isfinite(part[k])  # loads at rest are not known
+    ]
+    return f" Nearest to closing or opening at t = {state.t:.6g}: {', '.join(words)}." if words else ""
 
 
 def _apart(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray]:

@@ -51,6 +51,9 @@ from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, hold_sparse
 from ._linear import Asked, Linear, linear_of
 
+# Squares of entries of self-stress, which is O(1), that are none: those of rounding would move rows by anything.
+_COUPLED = 1e-9
+
 
 class Held(AbstractModule):
     """What is held while the motion goes on.
@@ -177,7 +180,8 @@ class HeldFactorisation(AbstractFactorisation[Array]):
             return off
         places, scale = np.array(rows), self.held.row_scale
         own, contradiction = self.stress[places], self.stress.T @ (off / scale)
-        moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=1e-9, hermitian=True) @ contradiction)  # self-stress is O(1)
+        own = jnp.where(jnp.sum(own**2) > _COUPLED, own, 0.0)
+        moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=_COUPLED, hermitian=True) @ contradiction)
         return off.at[places].add(-scale[places] * moved)
 
     def linear(self, asked: Asked) -> Linear:

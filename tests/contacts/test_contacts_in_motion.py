@@ -160,6 +160,21 @@ def test_a_driver_that_sets_off_takes_a_plate_off_its_stop(power):
     assert motion.stats.phases == 2 and motion.impacts.t.size == 0
 
 
+def test_a_driver_of_speed_that_runs_into_the_floor_is_told_with_the_contact():
+    system = rx.System(
+        floor,
+        mass=jnp.array([2.0, 2.0]),
+        load=weight,
+        parameters=jnp.asarray(G),
+        velocity_constraints=lambda q, qd, t, g: qd[1:] + 0.5,
+        rows=["force", "force"],
+        one_sided=[0],
+    )
+    start = rx.State(jnp.array([0.0, 1.0]), jnp.array([1.0, -0.5]))
+    with pytest.raises(rx.NoSolutionError, match=r"Nearest to closing or opening at t = 1\.98: 0 \(.* apart\)"):
+        rx.simulate(system, start, 3.0)
+
+
 def table(peak):
     """A table of 98.1 N on four feet, tilted by a moment that grows to a peak and falls again."""
     feet = np.array([[-0.4, -0.3], [0.4, -0.3], [0.4, 0.3], [-0.4, 0.3]])

@@ -106,3 +106,29 @@ def test_motors_of_wheels_on_one_straight_way_share_or_contradict_each_other():
         rx.drive(bicycle, {"frame.phi": 0.0}, ts, guess)
     with pytest.raises(rx.RedundaxError, match=r"outside of `jit`"):
         jax.jit(lambda t: rx.assemble_along(bicycle, both, t, guess).q)(jnp.asarray(ts))
+
+
+@pytest.mark.slow
+def test_a_pinion_lifts_a_rack_off_its_foot_and_puts_it_down():
+    """tau = J a + r (m (g + r a) - N), with the foot's load N, which is none while it is lifted."""
+    radius, mass, inertia = 0.1, 10.0, 0.01
+    places = {"A": -0.3, "B": 0.3}
+    sleeves = [rx.Translational(n, "rack", "ground", (x, 0.0), (x, 0.0), (1.0, 0.0)) for n, x in places.items()]
+    foot = rx.PinInSlot("foot", "rack", "ground", (0.1, -0.2), (0.0, -0.2), (0.0, 1.0), one_sided=True)
+    hub = rx.Revolute("hub", "pinion", "ground", (0.0, 0.0), (0.5, 0.0))
+    mesh = rx.Wheel("mesh", "pinion", "rack", (0.0, 0.0), (0.4, 0.0), (1.0, 0.0), radius, rows=("along",))
+    bodies = [rx.Body("rack", mass, 0.3), rx.Body("pinion", 1.0, inertia)]
+    machine = rx.Mechanism(bodies, [*sleeves, foot, hub, mesh], gravity=(0.0, -G))
+    law, ts = rx.Cycloidal(-1.0, move=0.4, begin=0.1, dwell=0.2), np.linspace(0.0, 1.3, 27)
+    run = rx.drive(machine, {"hub.angle": law}, ts, {"pinion.x": 0.5})
+    lifted = -np.array([float(law(jnp.asarray(t))) for t in ts])
+    np.testing.assert_allclose(run["rack.y"], radius * lifted, rtol=0, atol=1e-9)
+    second = -jax.vmap(jax.grad(jax.grad(law)))(jnp.asarray(ts))
+    loads = np.asarray(run["foot.perpendicular"])
+    flies = lifted > 1e-6
+    np.testing.assert_allclose(loads[flies], 0.0, atol=1e-9)
+    assert np.all(loads[~flies] > 10.0) and np.sum(~flies) > 4
+    torque = -(inertia * second + radius * (mass * (G + radius * second) - loads))
+    np.testing.assert_allclose(run["hub.angle torque"], torque, rtol=0, atol=1e-9)
+    with pytest.raises(rx.NoSolutionError, match=r"Contacts are reached at t = 0\.10.*: foot"):
+        rx.drive(machine, {"hub.angle": rx.Cycloidal(1.0, move=0.4, begin=0.1)}, ts, {"pinion.x": 0.5})

@@ -99,3 +99,83 @@ def test_a_wheel_lifts_off_a_table_that_shakes_and_lands_on_it():
     np.testing.assert_allclose(motion["disc.phi'"], -1.0 / R, rtol=1e-9)
     closing = peak * w * (np.cos(w * off) - np.cos(w * lands)) - G * (lands - off)
     assert float(motion.impacts.impulses[0, 0]) == pytest.approx(-MASS * closing, rel=1e-8)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_frame_on_a_wheel_strikes_a_wall_and_the_wheel_rolls_on(restitution):
+    """Pulled by F from rest: x'' = F / (m + I / R^2) of both, and so in the impact, as the wheel cannot slip."""
+    guides = [
+        rx.Translational(n, "frame", "ground", (0.0, y), (0.0, y), (0.0, 1.0)) for n, y in (("A", 0.3), ("B", 0.5))
+    ]
+    hub = rx.Revolute("hub", "disc", "frame", (0.0, 0.0), (0.0, 0.0))
+    tyre = rx.Wheel("tyre", "disc", "ground", (0.0, 0.0), (0.0, -R), (0.0, 1.0), R, rows=("along",))
+    wall = rx.PinInSlot("wall", "frame", "ground", (0.2, 0.0), (1.0, 0.0), (-1.0, 0.0), one_sided=True)
+    bodies, loads = (
+        [rx.Body("frame", 5.0, 0.2), rx.Body("disc", MASS, INERTIA)],
+        [rx.AppliedForce("frame", (20.0, 0.0))],
+    )
+    machine = rx.Mechanism(bodies, [*guides, hub, tyre, wall], loads=loads, gravity=(0.0, -G))
+    motion = rx.simulate(machine, rx.assemble(machine, {}), 1.6, restitution=restitution)
+    whole = 5.0 + MASS + INERTIA / R**2
+    rate = 20.0 / whole
+    strikes = np.sqrt(1.6 / rate)
+    speed = rate * strikes
+    np.testing.assert_allclose(motion.impacts.t, [strikes], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion.impacts.impulses, [[whole * speed * (1 + restitution)]], rtol=1e-9)
+    since = np.maximum(np.asarray(motion.t) - strikes, 0.0)
+    back = -restitution * speed * since + rate * since**2 / 2 * (restitution > 0)
+    way = rate * np.minimum(np.asarray(motion.t), strikes) ** 2 / 2
+    np.testing.assert_allclose(motion["frame.x"], way + back, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion["disc.phi"], -motion["frame.x"] / R, rtol=0, atol=1e-9)
+
+
+def test_a_drive_of_speed_lifts_a_ram_off_its_foot_and_puts_it_down_if_steps_are_fine():
+    """Up and down by 1 - cos of the time: foot and drive share the weight, and the drive alone bears m (g + v')."""
+    rise, begins, turns, ends = 2 * np.pi / 0.4, 0.1, 0.5, 0.9
+
+    def speed(t):
+        once = lambda start: 1 - jnp.cos(rise * jnp.clip(t - start, 0.0, 0.4))  # noqa: E731
+        return -0.25 * (once(begins) - once(turns))  # travel counts down
+
+    sleeves = [
+        rx.Translational(n, "ram", "ground", (x, 0.0), (x, 0.0), (1.0, 0.0)) for n, x in (("L", -0.3), ("R", 0.3))
+    ]
+    foot = rx.PinInSlot("foot", "ram", "ground", (0.1, -0.2), (0.0, -0.2), (0.0, 1.0), one_sided=True)
+    motor = rx.SpeedDriver("motor", "L.travel", speed)
+    ram = rx.Mechanism([rx.Body("ram", 10.0, 0.3)], [*sleeves, foot], couplers=[motor], gravity=(0.0, -G))
+    start = rx.assemble(ram, {})
+    motion = rx.simulate(ram, start, 1.2, rtol=1e-12)
+    times = np.asarray(motion.t)
+    up, down = (np.clip(times - at, 0.0, 0.4) for at in (begins, turns))
+    height = 0.25 * (up - np.sin(rise * up) / rise - down + np.sin(rise * down) / rise)
+    np.testing.assert_allclose(motion["ram.y"], height, rtol=0, atol=1e-11)
+    flies, lies = (times > begins + 5e-3) & (times < ends - 5e-3), (times < begins) | (times > ends + 5e-3)
+    assert set(motion.contacts["foot"][flies]) == {"open"} and set(motion.contacts["foot"][lies]) == {"carries"}
+    change = 0.25 * rise * (np.sin(rise * up) - np.sin(rise * down))
+    np.testing.assert_allclose(motion["motor.speed"][flies], 10.0 * (G + change)[flies], rtol=1e-9)
+    np.testing.assert_allclose((motion["motor.speed"] + motion["foot.perpendicular"])[lies], 10.0 * G, rtol=1e-12)
+    assert motion.impacts.t.size == 0
+
+
+@pytest.mark.parametrize("one_sided", [False, True])
+def test_a_motorcycle_on_a_third_support_rolls(one_sided):
+    """One normal load is redundant, and no row of rolling: sum N = m g, sum x N = sum (m x g - m h a) - 2 I a / R."""
+    bodies = [rx.Body("frame", 150.0, 20.0), rx.Body("rear", 10.0, 0.5), rx.Body("front", 10.0, 0.5)]
+    places = {"rear": -0.6, "front": 0.8}
+    hubs = [rx.Revolute(f"{k} hub", k, "frame", (0.0, 0.0), (x, -0.5)) for k, x in places.items()]
+    tyres = [
+        rx.Wheel(f"{k} tyre", k, "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), R, one_sided=one_sided) for k in places
+    ]
+    stand = rx.PinInSlot("stand", "frame", "ground", (0.1, -0.8), (0.0, 0.0), (0.0, 1.0), one_sided=one_sided)
+    motor = rx.SpeedDriver("motor", "rear hub.angle", rx.Polynomial([0.0, -5.0]))
+    machine = rx.Mechanism(bodies, [*hubs, *tyres, stand], couplers=[motor], gravity=(0.0, -G))
+    guess = {"frame.y": 0.8, "rear.x": -0.6, "front.x": 0.8, "rear.y": R, "front.y": R}
+    motion = rx.simulate(machine, rx.assemble(machine, guess), 0.4)
+    rate, times = 5.0 * R, np.asarray(motion.t)
+    np.testing.assert_allclose(motion["frame.x"], rate * times**2 / 2, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(motion["front.phi"], -motion["frame.x"] / R, rtol=0, atol=1e-10)
+    loads = np.array([motion["rear tyre.normal"], motion["front tyre.normal"], motion["stand.perpendicular"]])
+    assert loads.min() > 0
+    np.testing.assert_allclose(loads.sum(axis=0), 170.0 * G, rtol=1e-10)
+    moment = 2.0 * G - (150.0 * 0.8 + 20.0 * R) * rate - 2 * 0.5 * rate / R
+    np.testing.assert_allclose(np.array([-0.6, 0.8, 0.1]) @ loads, moment, rtol=0, atol=1e-8)
