@@ -33,6 +33,9 @@ from ._times import within
 from ._touch import Hit, arrived, no_hit
 from ._walk import Walk, walk
 
+# Steps that are kept at most where going forth and back are computed apart, and of how many coordinates together.
+_KEPT, _KEPT_NUMBERS = 8192, 2**17
+
 
 class Options(NamedTuple):
     """Arguments of diffrax, the tolerance of a step, the times asked for, and the restitution of one-sided contacts."""
@@ -205,6 +208,20 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     )
 
 
+def _adjoint(options: Options, equations: Equations) -> diffrax.AbstractAdjoint:
+    """How derivatives of steps are taken.
+
+    Where going forth and back are computed apart, what is computed again differs by rounding, and so do the lengths of
+    steps, by as much as errors do that are rounding: derivatives were off by up to 2e-4. So all steps are kept there of
+    motions of one phase; of others back alone computes a phase again, and then from its steps.
+    """
+    own, one = options.adjoint, not equations.has_sense and equations.touch is None
+    if not (is_quick() and one and isinstance(own, diffrax.RecursiveCheckpointAdjoint)):
+        return own
+    kept = min(_KEPT, _KEPT_NUMBERS // equations.system.coordinates.angular.size)
+    return diffrax.RecursiveCheckpointAdjoint(max(own.checkpoints or 0, kept))
+
+
 def _steps(
     stepper: Stepper,
     options: Options,
@@ -218,7 +235,7 @@ def _steps(
     start, end, first = span
     plain = isinstance(options.meter, diffrax.NoProgressMeter) and stepper.always_jumps(args[0])
     plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
-    adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
+    adjoint = diffrax.ForwardMode() if is_single() else _adjoint(options, args[0])  # of known numbers none are taken
     if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
         return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
