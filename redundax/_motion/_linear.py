@@ -25,10 +25,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
-from .._tools._numbers import xp
 
-# Roundings, of what friction causes of bodies without constraints, that are left of slips which these forbid.
-_BLOCKED = 100
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
 _DEPENDENT = 1e-10
 # Least and largest friction at loads that friction causes.
@@ -66,12 +63,6 @@ class Linear(NamedTuple):
     rate: Float[Array, " p"]
     slip: Float[Array, " p"]
     yields: Float[Array, "p p"]
-
-    def blocked(self, free: Float[Array, " p"]) -> "Linear":
-        """The same without rounding of slips that constraints forbid, by those that unit friction causes of free
-        bodies."""
-        none = xp.diagonal(self.yields) <= _BLOCKED * float(xp.finfo(free.dtype).eps) * free
-        return self._replace(yields=xp.where(none[:, None] | none, 0.0, self.yields))
 
     def slips_caused(self, tau: Float[Array, " p"], acceleration: Float[Array, " n"]) -> Float[Array, " p"]:
         """A tau, of friction that makes these accelerations."""

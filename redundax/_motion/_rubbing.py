@@ -23,7 +23,7 @@ from .._system._results import chosen as chosen_result
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import as_numbers, as_program, or_one, stop_gradient, xp
+from .._tools._numbers import as_numbers, as_program, stop_gradient, xp
 from ._linear import Linear
 from ._moving import Equations
 from ._stick import Mode, mode_of
@@ -81,8 +81,6 @@ def at_instant(
         drift = (rate - directions.T @ state.qd) / _INSTANT
         begins = slip[:, 0] + xp.where(impact, drift, -slip_gamma(system, state) if has_sense else 0.0)
         linear = Linear(response, load, directions, xp.where(impact, 0.0, rate), begins, slip[:, 1:])
-        mass = xp.diagonal(factor.mass)[:, None]
-        linear = linear.blocked(xp.sum(xp.where(mass > 0, directions**2 / or_one(mass), 0.0), axis=0))
         own = replace_fields(asked.equations, system=system, touch=None)
         *free, mode, decided = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)

@@ -27,7 +27,7 @@ from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._state import State
 from .._tools._module import batch_any
-from .._tools._numbers import or_one, stop_gradient
+from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
 from ._linear import AnyLinear, Holding, Linear, least_friction
 from ._moving import STILL, Equations, tolerance_of
@@ -35,7 +35,7 @@ from ._moving import STILL, Equations, tolerance_of
 # Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
 # have settled it; each with the roundings that it is at least.
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
-# Accelerations that are none, relative to all of the mechanism, and to a speed squared over its size.
+# Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
 # Part of the accelerations that count as none that tells joints let go with others.
 _FEW = 1e-2
@@ -81,13 +81,11 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     sensed = jnp.asarray(equations.sensed)
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     still = equations.still(linear.rate)
-    least = _least(equations, state, linear)
-    pulled = jnp.abs(linear.slip) * equations.slip_size > least
-    linear = linear._replace(slip=jnp.where(pulled, linear.slip, 0.0))
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    enough = jnp.maximum(held * size, least)
+    least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
+    enough = held * size if equations.touch is None else jnp.maximum(held * size, least)  # as nothing rests
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
         pulled = jnp.abs(acceleration) * equations.slip_size
@@ -106,16 +104,6 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     if equations.touch is not None:  # what rests does not ask for contacts
         rests = jnp.zeros_like(rests)
     return Mode(jnp.where(sensed, sense, 1.0), tau, rests, decided)
-
-
-def _least(equations: Equations, state: State, linear: AnyLinear) -> Float[Array, ""]:
-    """Accelerations, as lengths, that are rounding beside those of the mechanism, which constraints may forbid."""
-    parts = jnp.abs(linear.response.free.acceleration)
-    if isinstance(linear, Linear):
-        mass = jnp.diagonal(equations.system.mass(state.q, state.t))
-        parts = parts + jnp.where(mass > 0, jnp.abs(linear.load) / or_one(mass), 0.0)
-    size = jnp.max(parts / equations.scaling.coordinates, initial=0.0)
-    return tolerance_of(_ROUNDING, size) * jnp.maximum(size, equations.speed**2 / equations.scaling.size)
 
 
 def sticking_friction(

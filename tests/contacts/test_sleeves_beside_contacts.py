@@ -74,7 +74,7 @@ def test_a_driver_lifts_a_ram_off_its_foot_and_puts_it_down():
     bears = MASS * (G + second) + MU * push * np.sign(speeds)
     np.testing.assert_allclose(motion["lift.distance"][moves], bears[moves], rtol=1e-10)
     both = np.asarray(motion["lift.distance"] + motion["foot.perpendicular"])
-    np.testing.assert_allclose(both[times < 0.1], WEIGHT, rtol=1e-12)
+    np.testing.assert_allclose(both[times < 0.09], WEIGHT, rtol=1e-12)
 
 
 def thrown_up(rub, restitution, times):
