@@ -331,7 +331,7 @@ _moving_batch = as_program(_moving_of)
 def narrow_places(path: Path, weakest: np.ndarray) -> tuple[str, ...]:
     """What is to be said of singular positions that lie between known times, found by finer and finer times."""
     reached = np.isfinite(np.asarray(path.q)).reshape(len(path.t), -1).all(axis=1)
-    path, weakest = path._replace(t=path.t[reached], q=np.asarray(path.q)[reached]), weakest[reached]
+    path, weakest = path._replace(t=np.asarray(path.t)[reached], q=np.asarray(path.q)[reached]), weakest[reached]
     t = np.asarray(path.t)
     if len(t) < 3 or not np.all(np.isfinite(weakest)):
         return ()
