@@ -51,8 +51,6 @@ from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, hold_sparse
 from ._linear import Asked, Linear, linear_of
 
-# Roundings, of what friction causes of bodies without constraints, that are left of slips which these forbid.
-_BLOCKED = 100
 # Squares of entries of self-stress, which is O(1), that are none: those of rounding would move rows by anything.
 _COUPLED = 1e-9
 
@@ -187,11 +185,10 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         return off.at[places].add(-scale[places] * moved)
 
     def linear(self, asked: Asked) -> Linear:
-        """What load and unit friction cause: no slips that the held rows forbid, of which rounding would be left."""
+        """What load and unit friction cause, without rounding of slips that the held rows forbid."""
         linear = linear_of(self, asked)
         free = jnp.sum(linear.directions * _times(self.inverse_mass, linear.directions), axis=0)
-        blocked = jnp.diagonal(linear.yields) <= _BLOCKED * jnp.finfo(free.dtype).eps * free
-        return linear._replace(yields=jnp.where(blocked[:, None] | blocked, 0.0, linear.yields))
+        return linear.without_rounding(free, asked.gamma, self.held.row_scale)
 
     @property
     def _excess(self) -> Float[Array, ""]:

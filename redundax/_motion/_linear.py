@@ -25,7 +25,10 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
+from .._tools._numbers import xp
 
+# Roundings, of the parts that cancel, that are left of slips which constraints forbid.
+BLOCKED = 100
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
 _DEPENDENT = 1e-10
 # Least and largest friction at loads that friction causes.
@@ -55,6 +58,7 @@ class Linear(NamedTuple):
     - `response`: accelerations and multipliers.
     - `load`, `directions`: Q and E, shape (n,) and (n, p).
     - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
+    - `drift`: what is in `slip` besides E^T x_0, shape (p,).
     """
 
     response: LinearResponse
@@ -63,6 +67,25 @@ class Linear(NamedTuple):
     rate: Float[Array, " p"]
     slip: Float[Array, " p"]
     yields: Float[Array, "p p"]
+    drift: Float[Array, " p"]
+
+    def without_rounding(
+        self, free: Float[Array, " p"], gamma: Float[Array, " m"], row_scale: Float[Array, " m"]
+    ) -> "Linear":
+        """The same where constraints forbid slips by friction, of those that unit friction causes of `free` bodies.
+
+            alpha_0 = lam_E^T gamma + drift,   Phi_q^T lam_E = E
+
+        is what they prescribe then: loads have no part in it, of which rounding would be left.
+        """
+        few = BLOCKED * float(xp.finfo(free.dtype).eps)
+        blocked = xp.diagonal(self.yields) <= few * free
+        unit, right = self.response.unit.multipliers * row_scale[:, None], gamma / row_scale
+        prescribed = unit.T @ right + self.drift
+        parts = xp.max(xp.abs(unit), axis=0, initial=0.0) * xp.max(xp.abs(right), initial=0.0) + xp.abs(self.drift)
+        prescribed = xp.where(xp.abs(prescribed) > few * parts, prescribed, 0.0)
+        yields = xp.where(blocked[:, None] | blocked, 0.0, self.yields)
+        return self._replace(slip=xp.where(blocked, prescribed, self.slip), yields=yields)
 
     def slips_caused(self, tau: Float[Array, " p"], acceleration: Float[Array, " n"]) -> Float[Array, " p"]:
         """A tau, of friction that makes these accelerations."""
@@ -206,11 +229,9 @@ def linear_of(factor: AbstractFactorisation, asked: Asked) -> Linear:
     columns = jnp.concatenate([load[:, None], directions], axis=1)
     a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
     lam, _ = asked.closed(factor, lam)
-    slip = directions.T @ a
-    if asked.has_sense:
-        slip = slip.at[:, 0].add(-slip_gamma(system, state))
+    slip, drift = directions.T @ a, -slip_gamma(system, state) if asked.has_sense else jnp.zeros_like(rate)
     response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
-    return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
+    return Linear(response, load, directions, rate, slip[:, 0] + drift, slip[:, 1:], drift)
 
 
 def linear_maps_of(factor: AbstractFactorisation, asked: Asked, stress: Gram) -> LinearMaps:

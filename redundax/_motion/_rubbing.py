@@ -23,8 +23,8 @@ from .._system._results import chosen as chosen_result
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import as_numbers, as_program, stop_gradient, xp
-from ._linear import Linear
+from .._tools._numbers import as_numbers, as_program, or_one, stop_gradient, xp
+from ._linear import BLOCKED, Linear
 from ._moving import Equations
 from ._stick import Mode, mode_of
 
@@ -77,10 +77,14 @@ def at_instant(
     free, mode, decided = Response(a[:, 0], lam[:, 0] + caused), None, definiteness.is_yes
     if system.friction:
         response = LinearResponse(free, Response(a[:, 1:], lam[:, 1:]))
-        slip = directions.T @ a
-        drift = (rate - directions.T @ state.qd) / _INSTANT
-        begins = slip[:, 0] + xp.where(impact, drift, -slip_gamma(system, state) if has_sense else 0.0)
-        linear = Linear(response, load, directions, xp.where(impact, 0.0, rate), begins, slip[:, 1:])
+        slip, own = directions.T @ a, -slip_gamma(system, state) if has_sense else 0.0
+        begins, parts = rate - directions.T @ state.qd, xp.abs(rate) + xp.abs(directions.T) @ xp.abs(state.qd)
+        begins = xp.where(xp.abs(begins) > BLOCKED * float(xp.finfo(rate.dtype).eps) * parts, begins, 0.0)
+        drift = xp.where(impact, begins / _INSTANT, own)
+        linear = Linear(response, load, directions, xp.where(impact, 0.0, rate), slip[:, 0] + drift, slip[:, 1:], drift)
+        mass = xp.diagonal(factor.mass)[:, None]
+        free = xp.sum(xp.where(mass > 0, directions**2 / or_one(mass), 0.0), axis=0)
+        linear = linear.without_rounding(free, right, factor.scaling.rows)
         own = replace_fields(asked.equations, system=system, touch=None)
         *free, mode, decided = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)

@@ -21,6 +21,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._equations._kinematics import constraint_motion
+from .._equations._scaling import largest_violation
 from .._solvers._active_set import size_of_parts
 from .._solvers._friction_problem import Law
 from .._system._directions import Directions
@@ -37,6 +39,9 @@ from ._moving import STILL, Equations, tolerance_of
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
+# Part of the speed of the mechanism that no joint has which a driver did not set off: it errs in the dense output of a
+# step over the onset by a thousandth of that.
+_MOVES = 1e-3
 # Part of the accelerations that count as none that tells joints let go with others.
 _FEW = 1e-2
 # Times that it is asked which joints stick where joints with play stand as that makes them; two agree in most cases.
@@ -80,11 +85,11 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     """`next_mode`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
-    still = equations.still(linear.rate)
+    least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
+    still, linear = _prescribed(equations, linear, least)
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     enough = held * size if equations.touch is None else jnp.maximum(held * size, least)  # as nothing rests
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
@@ -97,13 +102,28 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     scale, free = equations.scaling.coordinates, linear.response.free.acceleration
     moved = jnp.abs(free + caused.value)
     whole = jnp.abs(free) + caused.parts
-    rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
-    stays = jnp.max(moved / scale) <= jnp.maximum(held * jnp.max(whole / scale), least)
-    decided = decided | ~jnp.any(still)
-    rests = rests & stays & jnp.any(sticks)
-    if equations.touch is not None:  # what rests does not ask for contacts
-        rests = jnp.zeros_like(rests)
+    decided, rests = decided | ~jnp.any(still), jnp.zeros((), bool)
+    if equations.touch is None:  # what rests does not ask for contacts
+        off, rate = (jnp.max(jnp.abs(x) / equations.scaling.rows) for x in constraint_motion(equations.system, state))
+        stays = jnp.max(moved / scale) <= jnp.maximum(held * jnp.max(whole / scale), least)
+        stays = stays & (rate <= slow) & (off <= largest_violation(off.dtype) * equations.scaling.size)
+        rests = (jnp.max(jnp.abs(state.qd) / scale) <= slow) & stays & jnp.any(sticks)
     return Mode(jnp.where(sensed, sense, 1.0), tau, rests, decided)
+
+
+def _prescribed(
+    equations: Equations, linear: AnyLinear, least: Float[Array, ""]
+) -> tuple[Bool[Array, " p"], AnyLinear]:
+    """Which joints are still, and the equations; where constraints alone prescribe slips, none of those that move, and
+    none begins to slip by the little that the dense output of a step leaves of rates."""
+    still = equations.still(linear.rate)
+    if not isinstance(linear, Linear):
+        return still, linear
+    rate, begins = (jnp.abs(x) * equations.slip_size for x in (linear.rate, linear.slip))
+    moves, free = rate > _MOVES * equations.speed, jnp.diagonal(linear.yields) > 0
+    begins = moves | (begins > jnp.maximum(rate**2 / equations.scaling.size, least))
+    still = still & equations.whole(free | ~moves)
+    return still, linear._replace(slip=jnp.where(free | begins, linear.slip, 0.0))
 
 
 def sticking_friction(

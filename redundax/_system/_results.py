@@ -148,7 +148,7 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "The motion stopped where steps became too small. Where `stats.nearest_singularity` is far below 1 a singular "
         "position is next, a flat or dead one, that the motion does not pass: start beyond it, and in float64. Else, "
         "where `stats.contraction` is 1 or more, friction may have no solution further on (it jams) or one on another "
-        "branch only. Else loads or laws of time are not smooth there, or end."
+        "branch only. Else loads or laws of time are not smooth there, or end: give such times as `jump_ts`."
     )
     stuck = (
         "The mechanism came to rest and sticks: admissible friction forces hold it, and its loads do not let it go by "

@@ -164,3 +164,26 @@ def test_a_pendulum_with_a_seized_elbow_swings_as_one_body():
 
     truth = solve_ivp(swing, (0, t1), [0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-12).y[0, -1]
     np.testing.assert_allclose(run.q[0, 4:], [truth, truth + np.pi / 2], rtol=0, atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ramp", [0.08, 0.0004])
+def test_a_driver_sets_off_a_guide_at_rest_however_soon_it_runs_at_its_speed(ramp):
+    """What rests is looked at a hundred times: a ramp of 0.4 ms ends between two looks."""
+    mass, mu, speed, begins, ends = 10.0, 0.1, 0.5, 0.1, 0.8
+
+    def law(t):
+        since = jnp.clip(t - begins, 0.0, ramp)
+        return 2.0 + speed * (since**2 / 2 / ramp + jnp.maximum(t - begins - ramp, 0.0))
+
+    rubs = {"friction": rx.Coulomb(mu), "guide_length": 0.5}
+    joints = [
+        rx.Translational("guide", "block", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), **rubs),
+        rx.DistanceDriver("drive", "block", "ground", (0.0, 0.0), (-2.0, 0.0), law),
+    ]
+    block = rx.Mechanism([rx.Body("block", mass, 0.3)], joints, gravity=(0.0, -GRAVITY))
+    ts = np.array([0.05, 0.3, 0.6, ends])
+    motion = rx.simulate(block, rx.assemble(block, {}), ends, ts=ts)
+    way = speed * (np.maximum(ts - begins - ramp, 0.0) + np.where(ts > begins, ramp / 2, 0.0))
+    np.testing.assert_allclose(motion["block.x"], way, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(motion["drive.distance"])[1:], mu * mass * GRAVITY, rtol=1e-9)
