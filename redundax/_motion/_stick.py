@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._equations._kinematics import prescribed_rate
 from .._solvers._active_set import size_of_parts
 from .._solvers._friction_problem import Law
 from .._system._directions import Directions
@@ -103,6 +104,9 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     rests = rests & stays & jnp.any(sticks)
     if equations.touch is not None:  # what rests does not ask for contacts
         rests = jnp.zeros_like(rests)
+    else:  # nor do drivers move it, which accelerate for a moment alone
+        driven = jnp.abs(prescribed_rate(equations.system, state.q, state.t)) / equations.scaling.rows
+        rests = rests & (jnp.max(driven, initial=0.0) <= slow)
     return Mode(jnp.where(sensed, sense, 1.0), tau, rests, decided)
 
 
