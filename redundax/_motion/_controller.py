@@ -21,6 +21,8 @@ from ._slip import PAST, Plan, no_plan
 from ._stiffness import is_worth
 from ._touch import Hit, no_hit
 
+# Part of a refused step before which an event found in it is none to aim at.
+_AIMED = 0.01
 _ROUNDINGS = 8  # of an instant, below which a step has no room between two
 
 
@@ -151,7 +153,8 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         again = verdict.again > 0
         # What is wrong beyond an event does not matter: a step that is refused is tried up to there, if that is less.
         goal = (1 + PAST) * verdict.plan.time - PAST * t0
-        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0))
+        # One at its very start may be that of dense output which is off: a shorter step tells.
+        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0)) & (goal > t0 + _AIMED * (t1 - t0))
         following = jnp.where(
             aims, jnp.where(jnp.isfinite(verdict.size), jnp.minimum(following, goal), goal), following
         )

@@ -134,7 +134,7 @@ def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array
     ahead = directions.along(rate, along)
     beside = rate - ahead * along / directions.arms
     passed = directions.every(jnp.abs(beside) * equations.slip_size <= slow)
-    return jnp.all((ahead >= 0) | passed | ~directions.directed)
+    return jnp.all((ahead >= 0) | passed | ~(directions.directed & equations.may_stick))
 
 
 def _released(equations: Equations, there: Mode) -> Bool[Array, " p"]:

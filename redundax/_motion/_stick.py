@@ -103,8 +103,11 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     moved = jnp.abs(free + caused.value)
     whole = jnp.abs(free) + caused.parts
     decided, rests = decided | ~jnp.any(still), jnp.zeros((), bool)
-    if equations.touch is None:  # what rests does not ask for contacts
-        off, rate = (jnp.max(jnp.abs(x) / equations.scaling.rows) for x in constraint_motion(equations.system, state))
+    if equations.touch is None:  # what rests does not ask for contacts, and drivers may run between two looks
+        off, rate = (
+            jnp.max(jnp.abs(x) / equations.scaling.rows, initial=0.0)
+            for x in constraint_motion(equations.system, state)
+        )
         stays = jnp.max(moved / scale) <= jnp.maximum(held * jnp.max(whole / scale), least)
         stays = stays & (rate <= slow) & (off <= largest_violation(off.dtype) * equations.scaling.size)
         rests = (jnp.max(jnp.abs(state.qd) / scale) <= slow) & stays & jnp.any(sticks)

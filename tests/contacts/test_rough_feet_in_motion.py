@@ -331,6 +331,17 @@ def test_a_table_that_spins_alone_stops_as_a_ring_does():
 
 
 @pytest.mark.slow
+def test_a_table_turns_as_it_falls_and_lands_turning():
+    """Feet in the air slip any way. The impact takes mu r p of the spin, and friction mu r m g from then on."""
+    rise, span, spin, mu, arm = 0.1, 0.3, 6.0, 0.3, np.hypot(0.5, 0.4)
+    lands, speed = np.sqrt(2 * rise / 9.81), np.sqrt(2 * rise * 9.81)
+    motion = moved(table(CORNERS, mu, [0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), span, (0.0, 0.0, spin), rise, ts=[0.1, span])
+    np.testing.assert_allclose(motion.impacts.t, [lands], rtol=1e-9)
+    lost = mu * arm / SPIN * (MASS * speed + WEIGHT * (span - lands))
+    np.testing.assert_allclose(motion["top.phi_z'"], [spin, spin - lost], rtol=1e-8)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("mu", "sticks"), [(0.3, False), (0.9, True)])
 def test_a_table_that_falls_flat_slides_or_sticks_where_it_lands(mu, sticks):
     """Friction takes mu times the impulse of the floor from its velocity, or all."""

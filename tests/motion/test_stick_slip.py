@@ -67,6 +67,24 @@ def test_a_block_slips_and_sticks_where_the_closed_form_does():
     np.testing.assert_array_equal(stays.q[:, 0], 0.1)
 
 
+def _there_and_back(wait, t):
+    return rx.Trapezoid(0.3, speed=1.0, acceleration=20.0, start=1.0, dwell=0.2)(jnp.maximum(t - wait, 0.0))
+
+
+@slow
+@pytest.mark.parametrize("wait", [0.0, 0.305])
+def test_a_driver_that_dwells_sets_off_again_against_friction(wait):
+    """It pushes with m a + mu m g against the way. From rest it speeds up between two looks for that, 0.06 s apart."""
+    mu, mass, law = 0.2, 3.0, jax.tree_util.Partial(_there_and_back, wait)
+    guide = rx.Translational("K", "b", "ground", (0, 0), (0, 0), (0, 1), guide_length=0.1, friction=rx.Coulomb(mu))
+    driver = rx.DistanceDriver("d", "b", "ground", (0.0, 0.0), (-1.0, 0.0), law)
+    mechanism = rx.Mechanism([rx.Body("b", mass, 0.1)], [guide, driver], gravity=(0.0, -9.81))
+    ts = wait + np.array([0.02, 0.2, 0.33, 0.57, 0.7, 0.88])  # each in another part: on, even, slower, and back
+    run = rx.simulate(mechanism, rx.assemble(mechanism, {"b.x": 0.0}), 6.0, ts=ts)
+    way, change = np.repeat([1.0, -1.0], 3), 20.0 * np.array([1.0, 0.0, -1.0, -1.0, 0.0, 1.0])
+    np.testing.assert_allclose(run["d.distance"], -mass * (change + mu * 9.81 * way), rtol=1e-9)
+
+
 @slow
 def test_a_reversal_soon_after_the_start_of_a_long_step(step=300.0):
     """Under 1.5 N - t against 1 N it slips from 0 to 1 s, by t^2 / 4 - t^3 / 6, sticks to 2.5 s, and slips back."""
