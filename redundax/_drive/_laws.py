@@ -9,11 +9,9 @@ Two boxes are the trapezoid of speed, whose acceleration jumps; three are limite
 law gives that after the jump.
 """
 
-import abc
 import itertools
 import math
 from collections.abc import Sequence
-from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,47 +19,9 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from .._system._law import AbstractLaw
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, on_device, optional_float, positive
-from .._tools._value import AbstractModule
-
-
-class AbstractLaw(AbstractModule):
-    """A law of time, that may be multiplied by a number and shifted by one: `-2 * jnp.pi / pitch * slide + 0.3`."""
-
-    __array_ufunc__: ClassVar[None] = None  # NumPy's numbers leave products to the law
-
-    @abc.abstractmethod
-    def __call__(self, t: ArrayLike) -> Float[Array, ""]:
-        """Where it is at a time."""
-
-    def __mul__(self, factor: ArrayLike) -> "AbstractLaw":
-        return _Linear(self, as_float(factor), as_float(0.0))
-
-    __rmul__ = __mul__
-
-    def __add__(self, shift: ArrayLike) -> "AbstractLaw":
-        return _Linear(self, as_float(1.0), as_float(shift))
-
-    __radd__ = __add__
-
-    def __sub__(self, shift: ArrayLike) -> "AbstractLaw":
-        return self + -as_float(shift)
-
-    def __neg__(self) -> "AbstractLaw":
-        return self * -1.0
-
-    def __truediv__(self, divisor: ArrayLike) -> "AbstractLaw":
-        return self * (1 / as_float(divisor))
-
-
-class _Linear(AbstractLaw):
-    law: AbstractLaw
-    factor: Float[Array, ""]
-    shift: Float[Array, ""]
-
-    def __call__(self, t: ArrayLike) -> Array:
-        return self.factor * self.law(t) + self.shift
 
 
 class AbstractMove(AbstractLaw):
@@ -73,9 +33,19 @@ class AbstractMove(AbstractLaw):
     dwell: eqx.AbstractVar[Float[Array, ""] | None]
 
     @property
+    def boxes(self) -> tuple[Float[Array, ""], ...]:
+        """Lengths whose sums are the times from the beginning at which a derivative of the way there jumps, s."""
+        raise NotImplementedError
+
+    @property
     def move(self) -> Float[Array, ""]:
         """Time of the way there, s."""
-        raise NotImplementedError
+        return sum(self.boxes)  # pyright: ignore[reportReturnType]
+
+    @property
+    def instants(self) -> tuple[Float[Array, "..."], ...]:
+        there = tuple(self.begin + sum(some) for some in _subsets(self.boxes))
+        return there if self.dwell is None else (*there, *(t + self.move + self.dwell for t in there))
 
     def share(self, t: Float[Array, ""]) -> Float[Array, ""]:
         """The share of the way that is done t after its beginning, within `move`."""
@@ -142,18 +112,14 @@ class Trapezoid(AbstractMove):
         _check_positive(speed=self.speed, acceleration=self.acceleration)
 
     @property
-    def _boxes(self) -> tuple[Array, Array]:
+    def boxes(self) -> tuple[Array, Array]:
         way, ramp = jnp.abs(self.stroke), self.speed / self.acceleration
         is_short = way < self.speed * ramp
         ramp = jnp.where(is_short, _root(way / self.acceleration, 2), ramp)
         return ramp, jnp.where(is_short, ramp, way / self.speed)
 
-    @property
-    def move(self) -> Array:
-        return sum(self._boxes)  # pyright: ignore[reportReturnType]
-
     def share(self, t: Array) -> Array:
-        return _over_each_other(t, self._boxes)
+        return _over_each_other(t, self.boxes)
 
 
 class SCurve(AbstractMove):
@@ -197,7 +163,7 @@ class SCurve(AbstractMove):
         _check_positive(speed=self.speed, acceleration=self.acceleration, jerk=self.jerk)
 
     @property
-    def _boxes(self) -> tuple[Array, Array, Array]:
+    def boxes(self) -> tuple[Array, Array, Array]:
         way, speed, most, jerk = jnp.abs(self.stroke), self.speed, self.acceleration, self.jerk
         soft = speed * jerk < most**2  # the speed is reached before the acceleration is
         rise = jnp.where(soft, _root(speed / jerk, 2), most / jerk)
@@ -213,12 +179,8 @@ class SCurve(AbstractMove):
         rise, hold = jnp.where(is_short, rise_short, rise), jnp.where(is_short, hold_short, hold)
         return rise, hold, jnp.where(is_short, rise + hold, on)
 
-    @property
-    def move(self) -> Array:
-        return sum(self._boxes)  # pyright: ignore[reportReturnType]
-
     def share(self, t: Array) -> Array:
-        return _over_each_other(t, self._boxes)
+        return _over_each_other(t, self.boxes)
 
 
 class Cycloidal(AbstractMove):
@@ -257,8 +219,8 @@ class Cycloidal(AbstractMove):
         _check_positive(move=self._move)
 
     @property
-    def move(self) -> Array:
-        return self._move
+    def boxes(self) -> tuple[Array]:
+        return (self._move,)
 
     def share(self, t: Array) -> Array:
         turn = 2 * jnp.pi
@@ -331,6 +293,10 @@ class Sampled(AbstractLaw):
             unit[-1] = unit[0]
         self._knots, self._maps = (on_device(x) for x in (knots, CubicSpline(knots, unit, bc_type=ends).c))
 
+    @property
+    def instants(self) -> tuple[Float[Array, "..."], ...]:
+        return (self._knots[..., 0], self._knots[..., -1]) if self.ends == "clamped" else ()
+
     def __call__(self, t: ArrayLike) -> Float[Array, ""]:
         t, first, last = jnp.asarray(t), self._knots[0], self._knots[-1]
         if self.ends == "periodic":
@@ -366,8 +332,11 @@ def _over_each_other(t: Array, boxes: Sequence[Array]) -> Array:
     order = len(boxes)
     area = math.prod(boxes)
     total = jnp.zeros_like(t)
-    for size in range(order + 1):
-        for subset in itertools.combinations(boxes, size):
-            past = t - sum(subset)
-            total = total + (-1) ** size * jnp.where(past >= 0, past, 0.0) ** order
+    for some in _subsets(boxes):
+        past = t - sum(some)
+        total = total + (-1) ** len(some) * jnp.where(past >= 0, past, 0.0) ** order
     return total / (math.factorial(order) * jnp.where(area > 0, area, 1.0))  # pyright: ignore[reportArgumentType]
+
+
+def _subsets(boxes: Sequence[Array]) -> list[tuple[Array, ...]]:
+    return [some for size in range(len(boxes) + 1) for some in itertools.combinations(boxes, size)]

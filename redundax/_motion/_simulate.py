@@ -20,6 +20,7 @@ from .._equations._culprits import thrown
 from .._equations._matrices import matrices_of
 from .._system._axis import Axis
 from .._system._friction import have_direction
+from .._system._law import instants_of
 from .._system._names import ByName, vector
 from .._system._results import RESULTS
 from .._system._state import State
@@ -93,7 +94,8 @@ def simulate(
       one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `jump_ts`: instants at which loads or drivers jump or have a kink in time, in any order. Steps end there, and
-      derivatives by these instants are as accurate as others. Without it those by a kink are as accurate as the root of
+      derivatives by these instants are as accurate as others. Without it steps that are not constant end at those of
+      `Trapezoid`, `SCurve`, `Cycloidal` and `Sampled` laws, derivatives by a kink are as accurate as the root of
       `rtol`, and those by a jump are not had; by one of two instants that are equal they are NaN.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
@@ -182,7 +184,7 @@ def simulate(
         redundancy=matrices.redundancy(factor) if bounces is None else None,
         singular=matrices.is_singular(system, state, factor),
         restitution=bounces,
-        jump_ts=None if jump_ts is None else _instants(jump_ts, t1),
+        jump_ts=_instants(system, jump_ts, rtol, t1),
     )
     trajectory = integrate(decided.anonymous, state, factor, for_motion(closure, system, state), course)
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
@@ -231,8 +233,11 @@ def _restitution(
     return values
 
 
-def _instants(jump_ts: Numbers, like: Array) -> Array | None:
-    """Instants at which steps end; None if there are none."""
+def _instants(system: AbstractSystem, jump_ts: Numbers | None, rtol: ArrayLike | None, like: Array) -> Array | None:
+    """Instants at which steps end, those of laws if none are given; None if there are none."""
+    if jump_ts is None:
+        of_laws = None if rtol is None else instants_of(stop_gradient(system))
+        return None if of_laws is None else of_laws.astype(like.dtype)
     given = floats(jump_ts, "jump_ts")
     if given.ndim != 1 or (is_concrete(given) and not np.all(np.isfinite(np.asarray(given)))):
         raise RedundaxError(

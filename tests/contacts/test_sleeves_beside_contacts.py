@@ -56,7 +56,7 @@ def ram_in_space(push):
 def test_a_driver_lifts_a_ram_off_its_foot_and_puts_it_down():
     """Cycloids: the foot opens and closes as they begin and end, and the driver bears m (g + y'') and the friction."""
     law, push = rx.Cycloidal(0.3, move=0.4, begin=0.1, dwell=0.1), 50.0
-    drive = rx.DistanceDriver("lift", "ram", "ground", (0.0, 0.0), (0.0, 2.0), lambda t: 2.0 - law(t))
+    drive = rx.DistanceDriver("lift", "ram", "ground", (0.0, 0.0), (0.0, 2.0), 2.0 - law)
     machine, closure = ram(push, others=[drive])
     motion = rx.simulate(machine, rx.assemble(machine, {}), 1.2, closure=closure)
     times, one = np.asarray(motion.t), jnp.ones(())

@@ -57,6 +57,31 @@ def test_derivatives_by_the_instant_of_a_kink_and_of_a_jump_are_as_accurate_as_o
     assert np.all(np.isnan(pushed(jnp.array([1.0, np.nextafter(1.0, 2.0)]))))  # no step lies between them
 
 
+@pytest.mark.slow
+def test_steps_end_where_laws_of_time_are_not_smooth():
+    """A spring pulls a slider along a trapezoid of speed that begins at 0.1 s and speeds up for 0.15 s."""
+    begin, ramp, speed, rate, end = 0.1, 0.15, 0.6, 4.0, 1.5
+    force = along_x(lambda i, t, law: 45.0 * (law(t) - i.pose.r[0]))
+
+    def moved(stroke, **options):
+        law = 0.2 - 2.0 * rx.Trapezoid(-stroke / 2, speed / 2, rate / 2, begin=begin)
+        guide, pull = rx.Translational("guide", "b", "ground", *GUIDE), rx.LoadFunction("b", force, parameters=law)
+        mechanism = rx.Mechanism([rx.Body("b", 5.0, 0.1)], [guide], loads=[pull])
+        return rx.simulate(mechanism, rx.assemble(mechanism, {"b.x": 0.2}), end, ts=[end], **options)
+
+    def place(stroke):
+        """x'' = w^2 (s - x), so that e = s - x has e'' + w^2 e = s''."""
+        on, w = stroke / speed, mpmath.mpf(3)
+        boxes = [(begin, rate), (begin + ramp, -rate), (begin + on, -rate), (begin + on + ramp, rate)]
+        return 0.2 + stroke - sum(a * (1 - mpmath.cos(w * (end - t))) / w**2 for t, a in boxes)
+
+    motion = moved(0.3)
+    np.testing.assert_allclose(motion["b.x"], [float(place(mpmath.mpf("0.3")))], rtol=1e-9)
+    assert motion.stats.steps + motion.stats.rejected < 40  # of 200 where steps do not end there
+    slope = jax.jacfwd(lambda stroke: moved(stroke, **FORWARD)["b.x"][0])(0.3)
+    np.testing.assert_allclose(slope, slope_of(place, (0.3,), 0), rtol=1e-7)
+
+
 def test_what_jumps_cannot_be():
     with pytest.raises(ValueError, match=r"`jump_ts` must be a vector of finite times"):
         on_a_spring(lambda t, p: p[0] * t, jnp.ones(1), 0.1, jump_ts=[[0.1, np.nan]])
