@@ -77,7 +77,7 @@ def test_steps_end_where_laws_of_time_are_not_smooth():
 
     motion = moved(0.3)
     np.testing.assert_allclose(motion["b.x"], [float(place(mpmath.mpf("0.3")))], rtol=1e-9)
-    assert motion.stats.steps + motion.stats.rejected < 40  # of 200 where steps do not end there
+    assert motion.stats.steps + motion.stats.rejected < 40  # of 75 where steps do not end there
     slope = jax.jacfwd(lambda stroke: moved(stroke, **FORWARD)["b.x"][0])(0.3)
     np.testing.assert_allclose(slope, slope_of(place, (0.3,), 0), rtol=1e-7)
 
