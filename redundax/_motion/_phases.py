@@ -250,7 +250,7 @@ def _steps(
     in_reverse = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint)
     in_reverse = in_reverse and stretches * args[0].system.coordinates.angular.size <= _MOST
     if plain and (is_single() or is_quick()) and (in_reverse or isinstance(adjoint, diffrax.ForwardMode)):
-        return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps, in_reverse)
+        return walk(terms, stepper, options.controller, (*span, ts), y, args, options.max_steps, in_reverse)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
     solution = diffrax.diffeqsolve(
         terms,

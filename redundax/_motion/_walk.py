@@ -38,19 +38,18 @@ def walk(
     terms: diffrax.ODETerm,
     solver: diffrax.AbstractSolver,
     controller: diffrax.AbstractAdaptiveStepSizeController,
-    span: tuple[Array, Array, Array],
+    span: tuple[Array, Array, Array, Float[Array, " times"]],
     y: PyTree,
     args: PyTree,
-    ts: Float[Array, " times"],
     max_steps: int,
     in_reverse: bool = False,
 ) -> Walk:
-    """The steps from a time to another, given those and the length of the first; with derivatives `in_reverse` or
-    forward."""
+    """The steps from a time to another, given those, the length of the first and the times asked for; with derivatives
+    `in_reverse` or forward."""
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:  # as of `diffrax.ForwardMode`
         kind = "bounded" if in_reverse else "lax"
         solver = eqx.tree_at(lambda each: each.scan_kind, solver, kind, is_leaf=lambda x: x is None)
-    start, end, first = span
+    start, end, first, ts = span
     order, successful = cast(Array, solver.error_order(terms)), diffrax.RESULTS.successful
     following, control = controller.init(terms, start, end, y, first, args, solver.func, order)
     following = jnp.minimum(following, end)

@@ -58,11 +58,11 @@ def once(function: Callable[..., T], *, in_little_time: bool = True) -> Callable
             return alone(moved, tangents, fixed)
         batch = _batch_of(tangents)
         if batch is None or not are_known(batch):
-            if sum(x.size for x in jax.tree.leaves(moved)) > _FEW:
+            if not 0 < sum(x.size for x in jax.tree.leaves(moved)) <= _FEW:
                 return linear(moved, tangents, fixed)  # as for `jax.linearize`, whose programs take no options
             out, changes = each(moved, _one_by_one(moved), fixed)
             along = jnp.concatenate([jnp.ravel(x) for x in jax.tree.leaves(tangents)])
-            return out, jax.tree.map(lambda x: jnp.tensordot(along, x, 1), changes)
+            return out, jax.tree.map(lambda x: jnp.tensordot(along.astype(x.dtype), x, 1), changes)
         out, changes = each(moved, batch, fixed)
         return out, _as_batch(changes, tangents)
 
