@@ -107,6 +107,7 @@ def _integrate(
         course.adjoint,
         course.meter,
         course.max_steps,
+        course.max_phases,
         tolerance,
         ts,
         course.restitution,
@@ -122,7 +123,7 @@ def _integrate(
     lost = differs(result, RESULTS.successful)
     before = before._replace(going=before.going & ~lost)
     before, equations, options = cut_where(lost, (before, equations, options))
-    done = _run(before, equations, options, course.max_phases)
+    done = _run(before, equations, options)
     if done.contacts is not None:
         result = chosen(lost, result, done.contacts.first)
         lost = differs(result, RESULTS.successful)
@@ -246,14 +247,14 @@ def _solver(course: Course, system: AbstractSystem, tolerance: Array, *, known: 
     return solver
 
 
-def _run(before: PhaseState, equations: Equations, options: Options, most: int) -> PhaseState:
+def _run(before: PhaseState, equations: Equations, options: Options) -> PhaseState:
     """The motion up to the end; an implicit solver takes over where the explicit one finds it stiff."""
-    done = run(before, equations, options, most)
+    done = run(before, equations, options)
     if not isinstance(options.solver, Watched) or not _is_stiff(done, options):
         return done
     done = done._replace(going=np.True_, begun=done.begun - 1, phases=done.phases - 1)
     solver = in_tangent(Radau(), options.tolerance, known=True)
-    return run(done, equations, options._replace(solver=solver), most)
+    return run(done, equations, options._replace(solver=solver))
 
 
 def _is_stiff(done: PhaseState, options: Options) -> bool:

@@ -35,10 +35,13 @@ from ._walk import Walk, walk
 
 # Steps that are kept at most where going forth and back are computed apart, and of how many coordinates together.
 _KEPT, _KEPT_NUMBERS = 8192, 2**17
+# Coordinates of all stretches together of which `walk` keeps steps, which takes some 100 MB for the most steps allowed.
+_MOST = 1024
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the tolerance of a step, the times asked for, and the restitution of one-sided contacts."""
+    """Arguments of diffrax, the most steps and phases, the tolerance of a step, the times asked for, and the
+    restitution of one-sided contacts."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -46,6 +49,7 @@ class Options(NamedTuple):
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
     max_steps: int
+    max_phases: int
     tolerance: Array
     ts: Float[Array, " times"]
     restitution: Float[Array, " c"] | None
@@ -114,10 +118,11 @@ class PhaseState(NamedTuple):
         return self.going & ((self.begun < max_phases) | (self.plan.time < xp.inf))
 
 
-def run(start: PhaseState, equations: Equations, options: Options, max_phases: int) -> PhaseState:
+def run(start: PhaseState, equations: Equations, options: Options) -> PhaseState:
     """The motion up to the end."""
     if not equations.has_sense and start.contacts is None:
         return stretch(start, equations, options, np.False_)
+    max_phases = options.max_phases
 
     def phase(now: PhaseState) -> PhaseState:
         if now.contacts is not None:
@@ -146,10 +151,7 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
 
         return jax.lax.cond(batch_any(goes_on), gone, lambda: now)
 
-    twice = equations.directions is not None or start.contacts is not None
-    stretches = 2 * max_phases + 1 if twice else max_phases + 1
-    stretches += start.contacts is not None  # which settle first
-    return jax.lax.fori_loop(0, stretches, after, start)
+    return jax.lax.fori_loop(0, _stretches(equations, max_phases, touches=start.contacts is not None), after, start)
 
 
 @as_program
@@ -208,6 +210,14 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     )
 
 
+def _stretches(equations: Equations, max_phases: int, *, touches: bool) -> int:
+    """How many there are at most."""
+    if not equations.has_sense and not touches:
+        return 1
+    twice = equations.directions is not None or touches
+    return (2 if twice else 1) * max_phases + 1 + touches  # contacts settle first
+
+
 def _adjoint(options: Options, equations: Equations) -> diffrax.AbstractAdjoint:
     """How derivatives of steps are taken.
 
@@ -236,8 +246,11 @@ def _steps(
     plain = isinstance(options.meter, diffrax.NoProgressMeter) and stepper.always_jumps(args[0])
     plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
     adjoint = diffrax.ForwardMode() if is_single() else _adjoint(options, args[0])  # of known numbers none are taken
-    if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
-        return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
+    stretches = _stretches(args[0], options.max_phases, touches=args[0].touch is not None)
+    in_reverse = isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint)
+    in_reverse = in_reverse and stretches * args[0].system.coordinates.angular.size <= _MOST
+    if plain and (is_single() or is_quick()) and (in_reverse or isinstance(adjoint, diffrax.ForwardMode)):
+        return walk(terms, stepper, options.controller, (*span, ts), y, args, options.max_steps, in_reverse)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
     solution = diffrax.diffeqsolve(
         terms,

@@ -104,8 +104,8 @@ def simulate(
       plastic, to 1, one number or some by name, the others 0.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=32)` (reverse mode) if not
-      given: more checkpoints save time where a phase has more steps, and take memory in all. Outside of `jit` a motion
-      of one phase keeps up to 8192 steps. `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
+      given: more checkpoints save time where a phase has more steps, and take memory in all. Outside of `jit` all steps
+      of small mechanisms are kept. `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
 

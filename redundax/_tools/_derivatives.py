@@ -22,6 +22,9 @@ from ._numbers import FORWARD, REVERSE, are_known, as_program
 
 T = TypeVar("T")
 
+# Numbers that are moved, up to which derivatives by each are computed where the tangents are not known yet.
+_FEW = 128
+
 
 def is_staged() -> bool:
     """Whether this is traced as a part of a program, and not for a derivative or a batch alone."""
@@ -54,8 +57,12 @@ def once(function: Callable[..., T], *, in_little_time: bool = True) -> Callable
         if are_known(tangents):
             return alone(moved, tangents, fixed)
         batch = _batch_of(tangents)
-        if batch is None or not are_known(batch):  # as for `jax.linearize`, whose programs take no options
-            return linear(moved, tangents, fixed)
+        if batch is None or not are_known(batch):
+            if not 0 < sum(x.size for x in jax.tree.leaves(moved)) <= _FEW:
+                return linear(moved, tangents, fixed)  # as for `jax.linearize`, whose programs take no options
+            out, changes = each(moved, _one_by_one(moved), fixed)
+            along = jnp.concatenate([jnp.ravel(x) for x in jax.tree.leaves(tangents)])
+            return out, jax.tree.map(lambda x: jnp.tensordot(along.astype(x.dtype), x, 1), changes)
         out, changes = each(moved, batch, fixed)
         return out, _as_batch(changes, tangents)
 
@@ -86,6 +93,14 @@ def _for_each(function: Callable[..., PyTree], moved: PyTree, batch: PyTree, fix
     """The same by each tangent of a batch."""
     out, changes = jax.vmap(lambda tangents: _with_tangents(function, moved, tangents, fixed))(batch)
     return jax.tree.map(lambda x: x[0], out), changes
+
+
+def _one_by_one(moved: PyTree) -> PyTree:
+    """Tangents of each number alone."""
+    leaves, structure = jax.tree.flatten(moved)
+    parts = np.split(np.eye(sum(x.size for x in leaves)), np.cumsum([x.size for x in leaves])[:-1], axis=1)
+    both = zip(parts, leaves, strict=True)
+    return jax.tree.unflatten(structure, [part.reshape(-1, *x.shape).astype(x.dtype) for part, x in both])
 
 
 def _batch_of(tangents: PyTree) -> PyTree | None:

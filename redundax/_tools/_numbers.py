@@ -435,7 +435,7 @@ class Kind(NamedTuple):
 
 
 _MODEL, STEPS = Kind(loops=False, is_single=False), Kind()
-LARGE, FORWARD, REVERSE = Kind(times=4.0, is_large=True), Kind(is_single=False), Kind(is_single=False, times=2.0)
+LARGE, FORWARD, REVERSE = Kind(times=4.0, is_large=True), Kind(is_single=False), Kind(is_single=False)
 
 
 class _Traced:

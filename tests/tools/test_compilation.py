@@ -263,7 +263,7 @@ def test_a_first_gradient_in_reverse_compiles_neither_way(monkeypatch):
     np.testing.assert_allclose(found, jax.jit(jax.grad(turned))(x), rtol=1e-14)
 
 
-@pytest.mark.parametrize("mode", [jax.jacfwd, lambda f: lambda x: jax.jvp(f, (x,), (x,))[1]])
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev, lambda f: lambda x: jax.jvp(f, (x,), (x,))[1]])
 def test_a_first_derivative_forward_compiles_nothing_of_it(mode, monkeypatch):
     x = jnp.array([0.3, 1.2, -0.5])
     with monkeypatch.context() as patch:
@@ -304,6 +304,9 @@ def test_forward_mode_alone_has_the_derivatives_of_the_function(quick):
     numbers = jax.vmap(lambda v: jax.jvp(lambda c, d: summed(c * x + d), (2.0, 0.0), (v, 1.0))[1])(jnp.arange(2.0))
     np.testing.assert_allclose(numbers, 12 * x**2 @ y + np.arange(2) * (12 * x**3 @ y))
     assert jax.jacfwd(lambda none: summed(x + jnp.sum(none)))(jnp.zeros(0)).shape == (0,)
+    np.testing.assert_allclose(jax.grad(summed)(x), by_one)
+    many = jnp.arange(1.0, 201.0)
+    np.testing.assert_allclose(jax.jvp(lambda x: summed(x, x), (many,), (many,))[1], 4 * jnp.sum(many**4))
     if not quick:  # programs with options of their own have no derivatives in reverse
-        np.testing.assert_allclose(jax.grad(summed)(x), by_one)
+        np.testing.assert_allclose(jax.grad(lambda x: summed(x, x))(many), 4 * many**3)
         np.testing.assert_allclose(jax.hessian(summed)(x), np.diag(6 * x * y))
