@@ -237,7 +237,7 @@ class _Loop:
     def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, loops: "list[_Loop]", times: float):
         self._equation, self._options, self._loops = equation, options, loops
         self._turns = _LOOPS[equation.primitive.name](equation.params, options, loops, times)
-        self._most = np.inf if options is None else times * (_BEGINNING + _COMPILING * _count(equation))  # seconds
+        self._most = np.inf if options is None else times * (_BEGINNING + _COMPILING * count(equation))  # seconds
         self._left, self._begun = self._most, np.inf  # the time that its turns began, if it is in one
         self._is_open = False  # what its first turn does once does not count
         self.program: Computed | None = None
@@ -332,12 +332,12 @@ def _scan(parameters: Parameters, *inside: Any) -> Callable[[Sequence[Entries]],
 _LOOPS = {"while": _while, "scan": _scan}
 
 
-def _count(inside: object) -> int:
+def count(inside: object) -> int:
     """Of equations in what holds some."""
     if isinstance(inside, ClosedJaxpr):
         inside = inside.jaxpr
     if isinstance(inside, Jaxpr):
-        return _count(inside.eqns)
+        return count(inside.eqns)
     if isinstance(inside, JaxprEqn):
-        return 1 + sum(map(_count, inside.params.values()))
-    return sum(map(_count, inside)) if isinstance(inside, tuple | list) else 0
+        return 1 + sum(map(count, inside.params.values()))
+    return sum(map(count, inside)) if isinstance(inside, tuple | list) else 0

@@ -32,7 +32,7 @@ from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
 from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
-from ._interpreted import Interpreted
+from ._interpreted import Interpreted, count
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -445,7 +445,7 @@ class _Traced:
         with in_little_time(True), of_equations(not kind.loops), of_one_sample(kind.is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first, self.loops, self.spent = None, kind.loops, 0.0  # seconds in programs
+        self.first, self.loops, self.spent = None, kind.loops, 0.0  # seconds of CPU in programs
         self.options = partial(quick_options, True, True) if kind.is_large else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
             self.first = Interpreted(self.closed, self.options, times=kind.times)
@@ -455,6 +455,15 @@ class _Traced:
         """Whether it, or a loop of it, is a program."""
         return "program" in vars(self) or (self.first is not None and self.first.has_programs)
 
+    @property
+    def runs_long(self) -> bool:
+        """Whether its programs have run for as long as one with all optimisation compiles."""
+        return self.spent > LONG and self.spent > LONG * self._size
+
+    @functools.cached_property
+    def _size(self) -> float:
+        return count(self.closed) / _USUAL
+
     @functools.cached_property
     def program(self) -> Callable[..., Any]:
         run = functools.wraps(self.function)(jaxpr_as_fun(self.closed))
@@ -462,7 +471,7 @@ class _Traced:
 
     def __call__(self, given: list[Any]) -> Any:
         self.calls += 1
-        out, begun, compiled = None, time.perf_counter(), self.is_compiled
+        out, begun, compiled = None, time.process_time(), self.is_compiled
         if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
             with contextlib.suppress(Exception):
                 out = self.first([np.asarray(x) for x in given])
@@ -470,13 +479,13 @@ class _Traced:
             self.first = None
             out = [np.asarray(x) for x in self.program(*given)]
         if compiled:
-            self.spent += time.perf_counter() - begun
+            self.spent += time.process_time() - begun
         return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
 
 
-# Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
-# compiles for about as long.
-LONG = 5.0
+# Seconds of CPU that programs have run in all, by calls of one structure, when one with all optimisation takes over; of
+# up to so many equations, in proportion of more: that of 12,300 compiled for 6 s, of 39,700 for 26 s.
+LONG, _USUAL = 5.0, 8000
 
 
 def as_program(
@@ -504,7 +513,7 @@ def as_program(
         try:
             with jax.core.eval_context():
                 own = _kept(recent, key, lambda: _Traced(function, arguments, kind))
-                if kind != STEPS or own.spent <= LONG:
+                if kind != STEPS or not own.runs_long:
                     return own([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))
