@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._system._pushing import in_words
+from .._tools._json import JSON
 from .._tools._table import WIDTH, text_of
 from ._bearing_words import best_in_words
 from ._release import Release
@@ -145,7 +146,7 @@ class Report:
             out.append((pivot, {self.rows[j]: -float(state[j]) for j in others}))
         return tuple(out)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities become None."""
         out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         out["verdicts"] = {kind: [judged.to_dict() for judged in all_of] for kind, all_of in self.verdicts.items()}

@@ -34,7 +34,7 @@ from .._tools._module import (
     replace_fields,
     tree_pick,
 )
-from .._tools._numbers import asked_of_model
+from .._tools._numbers import Numeric, asked_of_model
 from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
@@ -304,7 +304,7 @@ class Mechanism(AbstractSystem):
         return self._point(state.q, place, self.frame.vector("at", at))
 
     @asked_of_model
-    def _point(self, q: Array, place: Int[Array, ""], at: Float[Array, " axes"]) -> Float[Array, " axes"]:
+    def _point(self, q: Array, place: Int[Numeric, ""], at: Float[Array, " axes"]) -> Float[Array, " axes"]:
         return self.poses(q)[place].point(at)
 
     @asked_of_model

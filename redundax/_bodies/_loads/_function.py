@@ -32,7 +32,8 @@ class AbstractLoadFunction(AbstractLoad):
     def __check_init__(self) -> None:
         with part(f"{type(self).__name__} on '{self.i}'"):
             advice = "Give one of both motions, time and parameters."
-            check_kind("function", self.function, Callable, "a function", advice)
+            what = "a function"
+            check_kind("function", self.function, Callable, what, advice)  # pyright: ignore[reportArgumentType]
             check_takes("function", self.function, "motion_i", "motion_j", "t", "parameters")
         with tracing("function"):
             given = jax.eval_shape(lambda: self.function(self.still(), self.still(), jnp.zeros(()), self.parameters))

@@ -30,6 +30,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._json import JSON
 from ..._tools._module import Numbers, as_float, replace_fields
 from ..._tools._numbers import computed
 from ..._tools._table import text_of
@@ -128,7 +129,7 @@ class SolutionFamily:
         """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here."""
         return np.asarray(multipliers) @ self.weights.T - self.offset
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {key: plain(value) for key, value in out.items()}
