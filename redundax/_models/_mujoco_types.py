@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 
+@runtime_checkable
 class Named(Protocol):
     """An element by its name and number."""
 
@@ -13,6 +14,7 @@ class Named(Protocol):
     id: int
 
 
+@runtime_checkable
 class Options(Protocol):
     """How a model is run."""
 
@@ -111,6 +113,7 @@ class MujocoData(Protocol):
     xquat: np.ndarray
 
 
+@runtime_checkable
 class SpecElement(Protocol):
     """An element of a specification; `parent` is the body that it is on."""
 
@@ -120,6 +123,7 @@ class SpecElement(Protocol):
     def parent(self) -> "SpecBody": ...
 
 
+@runtime_checkable
 class SpecJoint(SpecElement, Protocol):
     """A joint, by its kind of MuJoCo's enumeration."""
 
@@ -155,12 +159,14 @@ class SpecGeom(SpecElement, Protocol):
     group: int
 
 
+@runtime_checkable
 class SpecEnumerator(Protocol):
     """A value of one of MuJoCo's enumerations."""
 
     name: str
 
 
+@runtime_checkable
 class SpecEquality(Protocol):
     """A constraint."""
 
@@ -172,6 +178,7 @@ class SpecEquality(Protocol):
     objtype: SpecEnumerator
 
 
+@runtime_checkable
 class SpecKey(Protocol):
     """A keyframe."""
 
@@ -179,24 +186,28 @@ class SpecKey(Protocol):
     qpos: np.ndarray
 
 
+@runtime_checkable
 class SpecActuator(Protocol):
     """A drive, by what it acts on."""
 
     trntype: SpecEnumerator
 
 
+@runtime_checkable
 class SpecMaterial(Protocol):
     """What is painted."""
 
     material: str
 
 
+@runtime_checkable
 class SpecLengths(Protocol):
     """How ranges of lengths are found."""
 
     mode: int
 
 
+@runtime_checkable
 class SpecCompiler(Protocol):
     """How a specification is compiled."""
 

@@ -4,12 +4,14 @@ from collections.abc import Hashable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 
+@runtime_checkable
 class UsdPath(Hashable, Protocol):
     """Where a prim is."""
 
     name: str
 
 
+@runtime_checkable
 class UsdAttribute(Protocol):
     """An attribute, of which `Get` gives what the file has, of whatever type, and None where there is none."""
 
@@ -19,12 +21,14 @@ class UsdAttribute(Protocol):
     def HasValue(self) -> bool: ...
 
 
+@runtime_checkable
 class UsdRelationship(Protocol):
     """What names other prims."""
 
     def GetTargets(self) -> Sequence[UsdPath]: ...
 
 
+@runtime_checkable
 class UsdList(Protocol):
     """A list that layers add to."""
 
@@ -68,6 +72,7 @@ class UsdPrimSpec(Protocol):
     def SetInfo(self, name: str, value: object, /) -> None: ...
 
 
+@runtime_checkable
 class UsdLayer(Protocol):
     """A file of a stage."""
 

@@ -8,7 +8,7 @@ wrenches are given there.
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -18,12 +18,17 @@ from jaxtyping import Array
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ..._tools._module import numpy_of, on_device, replace_fields
-from .._frame import AbstractFrame
+from .._frame import AbstractBody, AbstractFrame
 from ._pose import Motion, Pose
 from ._rotation import angular_velocity, between, cross, multiplied, product, rotation, skew, times, turned
 
+if TYPE_CHECKING:
+    from ._body import Body
+else:  # which has this frame
+    Body = AbstractBody
 
-class Space(AbstractFrame):
+
+class Space(AbstractFrame[Body, Pose, Motion]):
     """Bodies in space; `is_principal` says whether the axes of all are principal axes of their inertia."""
 
     word: ClassVar[str] = "spatial"
@@ -35,10 +40,10 @@ class Space(AbstractFrame):
     )
     is_principal: bool = True
 
-    def of(self, bodies: Sequence[Any]) -> "Space":
+    def of(self, bodies: Sequence[Body]) -> "Space":
         return Space(all(body.inertia.shape == (3,) for body in bodies))
 
-    def alike(self, bodies: Sequence[Any]) -> Sequence[Any]:
+    def alike(self, bodies: Sequence[Body]) -> Sequence[Body]:
         if self.is_principal:
             return bodies
         return [replace_fields(body, inertia=body.inertia_matrix) for body in bodies]
@@ -51,7 +56,7 @@ class Space(AbstractFrame):
     def diagonal_mass(self) -> bool:
         return self.is_principal
 
-    def centres(self, body: Any) -> Array:
+    def centres(self, body: Body) -> Array:
         return body.centre
 
     def check(self, q: Array, n: int) -> None:
@@ -62,7 +67,7 @@ class Space(AbstractFrame):
                 "poses, and use jax.vmap for many positions."
             )
 
-    def poses(self, centres: Any, q: Array) -> Pose:
+    def poses(self, centres: Array, q: Array) -> Pose:
         x, p = _parts(q)
         axes = rotation(p)
         r = x - times(axes, centres)
@@ -84,7 +89,7 @@ class Space(AbstractFrame):
         at_rest = jnp.pad(centres[:, None], ((0, 0), (0, 2), (0, 0)))
         return chart, Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, at_rest), ground, strict=True)))
 
-    def motions(self, body: Any, state: State) -> Motion:
+    def motions(self, body: Body, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)
         v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(state.qd, 2))
         omega = times(pose.axes, omega)
@@ -102,7 +107,7 @@ class Space(AbstractFrame):
         found = jnp.all(w > 0)
         return jnp.concatenate([(there - x).ravel(), (2 * v / jnp.where(w > 0, w, 1.0)).ravel()]), found
 
-    def reference(self, body: Any) -> Array:
+    def reference(self, body: Body) -> Array:
         given = body.position, body.orientation, body.centre
         xp = numpy_of(*given)  # in NumPy, which compiles nothing, where they are known
         position, orientation, centre = map(xp.asarray, given)
@@ -113,19 +118,19 @@ class Space(AbstractFrame):
         (_, p), (v, p_rate) = _parts(q), _parts(rate)
         return jnp.concatenate([v.ravel(), angular_velocity(p, p_rate).ravel()])
 
-    def mass(self, body: Any) -> Array:
+    def mass(self, body: Body) -> Array:
         heft = jnp.repeat(body.mass, 3)
         if self.is_principal:
             return jnp.diag(jnp.concatenate([heft, body.inertia.ravel()]))
         return jax.scipy.linalg.block_diag(jnp.diag(heft), *body.inertia)
 
-    def masses(self, body: Any) -> Array:
+    def masses(self, body: Body) -> Array:
         one = jnp.eye(3, dtype=body.mass.dtype)
         inertia = body.inertia[:, None] * one if self.is_principal else body.inertia
         none = jnp.zeros_like(inertia)
         return jnp.block([[body.mass[:, None, None] * one, none], [none, inertia]])
 
-    def load(self, body: Any, motion: Motion, force: Array, moment: Array) -> Array:
+    def load(self, body: Body, motion: Motion, force: Array, moment: Array) -> Array:
         pose, omega = jax.tree.map(lambda x: x[:-1], (motion.pose, motion.angular_velocity))
         force, moment = force[:-1], moment[:-1]
         arm, back = times(pose.axes, pose.centre), jnp.swapaxes(pose.axes, -1, -2)
