@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import re
-from typing import Any
+from collections.abc import Collection
 
 import numpy as np
 
@@ -292,7 +292,7 @@ def count_of(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
-def _listed(head: str, names: Any) -> list[str]:
+def _listed(head: str, names: Collection[str]) -> list[str]:
     return [f"{head} none"] if not names else [head, *columns(list(names))]
 
 

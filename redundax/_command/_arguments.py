@@ -5,7 +5,6 @@ import math
 import pathlib
 from collections.abc import Sequence
 from importlib import metadata
-from typing import Any
 
 from .._models._formats import MODELS
 from .._tools._cache import LIMIT
@@ -49,7 +48,7 @@ def argument_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _own_mechanism(commands: Any) -> None:
+def _own_mechanism(commands: argparse._SubParsersAction) -> None:
     """Add the commands on a user's file."""
     analysis = commands.add_parser(
         "analyze",
@@ -103,7 +102,7 @@ def _own_mechanism(commands: Any) -> None:
         command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
 
-def _audit(commands: Any) -> argparse.ArgumentParser:
+def _audit(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Add the command on models from files."""
     examination = commands.add_parser(
         "audit",
@@ -166,7 +165,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     return examination
 
 
-def _check(commands: Any) -> argparse.ArgumentParser:
+def _check(commands: argparse._SubParsersAction) -> argparse.ArgumentParser:
     """Add the command on logs."""
     referee = commands.add_parser(
         "check",
@@ -192,7 +191,7 @@ def _check(commands: Any) -> argparse.ArgumentParser:
     return referee
 
 
-def _drive(commands: Any) -> None:
+def _drive(commands: argparse._SubParsersAction) -> None:
     """Add the command on driven machines."""
     motion = commands.add_parser(
         "drive",

@@ -13,12 +13,12 @@ polarisation gives it.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -141,7 +141,7 @@ def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> Al
 def _second(
     system: AbstractSystem,
     value: Callable[[Array, Array], Array],
-    value_at: Callable[[Any, Array], Array],
+    value_at: Callable[[PyTree, Array], Array],
     state: State,
     rate: Array,
     time: Array,

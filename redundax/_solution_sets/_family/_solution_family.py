@@ -13,7 +13,7 @@ solutions to branches.
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -188,7 +188,7 @@ def solution_family(
     sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
-    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    watch: Callable[[range], Iterable[int]] = iter,
 ) -> SolutionFamily:
     """Every frictional solution that is found along one or two self-stress states, and how many there are.
 
@@ -241,7 +241,7 @@ def families_of(
     closure: AbstractClosure = _MINIMUM_NORM,
     z: Numbers | None = None,
     samples: int = 201,
-    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    watch: Callable[[range], Iterable[int]] = iter,
 ) -> list[SolutionFamily]:
     """`solution_family` along each of the self-stress states of a report, which is that of the closure."""
     solutions = solutions_of(system, state, factor, report, None, closure)
@@ -267,7 +267,7 @@ class _Search(NamedTuple):
     samples: int
     starts: int | None
     seed: int
-    watch: Callable[[Sequence[Any]], Iterable[Any]]
+    watch: Callable[[range], Iterable[int]]
 
 
 def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily:
