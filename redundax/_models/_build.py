@@ -104,7 +104,7 @@ def mechanism_of(
     driven: bool = False,
     stopped: bool = False,
     added: Added = Added(),  # noqa: B008 (it is frozen)
-    rubbing: Mapping[str, Mapping[str, object]] = MappingProxyType({}),
+    rubbing: Mapping[str, object] = MappingProxyType({}),
 ) -> tuple[Mechanism, list[str]]:
     """The mechanism, with or without the file's motions by laws of time and the limits of its joints as stops, with
     parts that are `added`, and joints that are `rubbing` as arguments of their constructors say; and
@@ -114,9 +114,9 @@ def mechanism_of(
     for number, point, force in described.lifts:
         body = described.bodies[number]
         loads.append(AppliedForce(body.name, force, on_i=body.axes.T @ (point - body.position)))
-    _check_rubbing(described, rubbing)
-    joints: list[AbstractJoint] = [_joint(described, joint, rubbing.get(joint.name)) for joint in described.joints]
-    joints += [_loop(described, loop, rubbing.get(loop.name, {})) for loop in described.loops]
+    rubs = _checked_rubbing(described, rubbing)
+    joints: list[AbstractJoint] = [_joint(described, joint, rubs.get(joint.name)) for joint in described.joints]
+    joints += [_loop(described, loop, rubs.get(loop.name, {})) for loop in described.loops]
     couplers: list[Coupler | Stop | SpeedDriver] = [
         Coupler(tie.name, _sum(described, tie.first), _sum(described, tie.second), polynomial=_counted(tie))
         for tie in described.ties
@@ -239,10 +239,12 @@ def _pair(held: _Held, kind: str, rubs: Mapping[str, object]) -> AbstractJoint:
         ) from error
 
 
-def _check_rubbing(described: Description, rubbing: Mapping[str, Mapping[str, object]]) -> None:
-    """Refuse what is not by the names of joints that can rub."""
+def _checked_rubbing(described: Description, rubbing: Mapping[str, object]) -> dict[str, Mapping[str, object]]:
+    """The arguments of joints that rub; refused where they are not by the names of joints that can."""
     kinds = {each.name: each.kind for each in (*described.joints, *described.loops)}
-    if not isinstance(rubbing, Mapping) or not all(isinstance(given, Mapping) for given in rubbing.values()):
+    parts = rubbing if isinstance(rubbing, Mapping) else {}
+    found = {name: given for name, given in parts.items() if isinstance(given, Mapping)}
+    if not isinstance(rubbing, Mapping) or len(found) < len(parts):
         raise RedundaxError(
             f"Argument `friction` must hold arguments of joints by their names, but is {rubbing!r}. Write "
             '{"guide": {"friction": rx.Coulomb(0.1), "guide_length": 0.08}}, say.'
@@ -253,6 +255,7 @@ def _check_rubbing(described: Description, rubbing: Mapping[str, Mapping[str, ob
             raise RedundaxError(
                 f"Argument `friction` must name joints that can rub, but '{name}' is a {kinds[name]}. Leave it out."
             )
+    return found
 
 
 def _loop(described: Description, loop: Loop, rubs: Mapping[str, object]) -> AbstractJoint:

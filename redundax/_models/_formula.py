@@ -83,4 +83,4 @@ def _value(node: ast.AST, t: Numeric) -> Numeric:
             return _OPERATORS[type(op)](_value(operand, t))
         case ast.Call(func=ast.Name(id=name), args=[argument]):
             return FUNCTIONS[name](_value(argument, t))
-    raise ValueError(f"{ast.dump(node)} is no part of a formula")
+    return np.nan

@@ -162,7 +162,7 @@ class Model:
         *,
         couplers: Sequence[Coupler | Stop | SpeedDriver] = (),
         loads: Sequence[AbstractLoad] = (),
-        friction: Mapping[str, Mapping[str, object]] | None = None,
+        friction: Mapping[str, object] | None = None,
     ) -> Mechanism:
         """The mechanism with parts that the file does not have: feet on a floor, stops, drives, loads, friction.
 

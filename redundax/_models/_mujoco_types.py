@@ -114,7 +114,7 @@ class MujocoData(Protocol):
 
 
 @runtime_checkable
-class SpecElement(Protocol):
+class AbstractSpecElement(Protocol):
     """An element of a specification; `parent` is the body that it is on."""
 
     name: str
@@ -124,7 +124,7 @@ class SpecElement(Protocol):
 
 
 @runtime_checkable
-class SpecJoint(SpecElement, Protocol):
+class SpecJoint(AbstractSpecElement, Protocol):
     """A joint, by its kind of MuJoCo's enumeration."""
 
     type: int
@@ -144,11 +144,11 @@ class SpecBody(Protocol):
     @property
     def parent(self) -> "SpecBody | None": ...
     def add_joint(self, **given: object) -> SpecJoint: ...
-    def add_site(self, **given: object) -> SpecElement: ...
+    def add_site(self, **given: object) -> AbstractSpecElement: ...
 
 
 @runtime_checkable
-class SpecGeom(SpecElement, Protocol):
+class SpecGeom(AbstractSpecElement, Protocol):
     """A shape."""
 
     meshname: str
@@ -249,4 +249,4 @@ class MujocoSpec(Protocol):
     def compile(self) -> MujocoModel: ...
     def delete(self, element: object, /) -> None: ...
     def joint(self, name: str, /) -> SpecJoint | None: ...
-    def site(self, name: str, /) -> SpecElement | None: ...
+    def site(self, name: str, /) -> AbstractSpecElement | None: ...

@@ -36,7 +36,6 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import Numeric, or_one, stop_gradient, take, while_loop, xp
-from ._play import Loaded
 
 CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
 OUTSIDE = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
@@ -100,11 +99,15 @@ class Asked(NamedTuple):
 
 
 @runtime_checkable
-class Solved(Loaded, Protocol):
+class Solved(Protocol):
     """What a solve gives: accelerations and multipliers, and how it ended."""
 
     @property
     def acceleration(self) -> Array: ...
+    @property
+    def multipliers(self) -> Array: ...
+    @property
+    def result(self) -> RESULTS: ...
 
 
 S = TypeVar("S")

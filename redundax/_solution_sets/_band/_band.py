@@ -139,8 +139,7 @@ class Bands:
 
     def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; figures that were not found become None."""
-        out = {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
-        return {**out, "empty": self.empty}
+        return {name: plain(getattr(self, name)) for name in (*(x.name for x in dataclasses.fields(self)), "empty")}
 
     def __str__(self) -> str:
         labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
