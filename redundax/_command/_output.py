@@ -9,6 +9,7 @@ from .._tools._words import printable
 @runtime_checkable
 class _Stream(Protocol):
     def write(self, text: str, /) -> object: ...
+    def flush(self) -> object: ...
 
 
 def show(text: str) -> None:
