@@ -102,12 +102,10 @@ def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
     return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
-def _pairs(
-    argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}'
-) -> Callable[[Mapping[str, tuple[Numeric, Numeric]]], Box]:
+def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[..., Box]:
     """What reads the least and the largest values of an argument."""
 
-    def read(box: Mapping[str, tuple[Numeric, Numeric]]) -> Box:
+    def read(box: Any) -> Box:
         try:
             return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
         except (AttributeError, TypeError, ValueError) as error:
@@ -119,12 +117,10 @@ def _pairs(
     return read
 
 
-def _numbers(
-    argument: str = "sizes", example: str = '{"A.x": 40.0}'
-) -> Callable[[Mapping[str, Numeric]], Mapping[str, float]]:
+def _numbers(argument: str = "sizes", example: str = '{"A.x": 40.0}') -> Callable[..., Mapping[str, float]]:
     """What reads the numbers of an argument."""
 
-    def read(sizes: Mapping[str, Numeric]) -> Mapping[str, float]:
+    def read(sizes: Any) -> Mapping[str, float]:
         try:
             return {name: float(size) for name, size in sizes.items()}
         except (AttributeError, TypeError, ValueError) as error:

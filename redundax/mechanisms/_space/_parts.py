@@ -5,7 +5,7 @@ bar     from a start to an end: local frame at the start, x along it, y along an
 chain   bars from each point to the next; the ground is the last link, from the last point to the first
 """
 
-from jaxtyping import Float
+from collections.abc import Sequence
 
 from ..._bodies._body import GROUND
 from ..._bodies._space._body import Body
@@ -36,7 +36,7 @@ def bar(
 
 
 def chain(
-    points: Float[Numeric, "points 3"], axes: Float[Numeric, "points 3"], mass: Numbers, width: Numbers = 0
+    points: Sequence[Numeric] | Numeric, axes: Sequence[Numeric] | Numeric, mass: Numbers, width: Numbers = 0
 ) -> tuple[list[Body], list[Revolute]]:
     """Bars "1", "2", ... and the revolutes "A", "B", ... at the points: each of a bar on the one before it."""
     bodies = [bar(str(k + 1), mass, points[k], points[k + 1], axes[k], width) for k in range(len(points) - 1)]
