@@ -7,7 +7,7 @@ curve is to the constraints says how small a singular value can be told from zer
 
 import dataclasses
 import itertools
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -24,6 +24,7 @@ from .._system._names import ByName
 from .._system._state import State, states_of
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
+from .._tools._json import JSON
 from .._tools._numbers import computed
 from .._tools._table import text_of
 from ._analyze import analyze, orthonormal
@@ -115,7 +116,7 @@ class MotionReport:
         names = (judged.name for judged in self.reports[0].verdicts.get(kind, ()))
         return tuple(name for name in names if all(name in one for one in said))
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         return {
             "t": plain(self.t),

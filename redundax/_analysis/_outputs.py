@@ -7,7 +7,6 @@ Accelerations are called "coordinate''", multipliers, with the sign of the paper
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +18,7 @@ from .._bodies._reactions import joint_outputs
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._json import JSON
 
 _SHARE = 1e-2
 
@@ -73,7 +73,7 @@ def sizes(matrix: np.ndarray, kinds: Sequence[str], length: float | np.ndarray) 
     return out
 
 
-def plain(value: Any) -> Any:
+def plain(value: JSON | np.ndarray | tuple) -> JSON:
     """Arrays and tuples as lists, NaN as None: data for JSON."""
     if isinstance(value, np.ndarray):
         return plain(value.tolist())

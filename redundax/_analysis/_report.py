@@ -3,11 +3,12 @@
 import dataclasses
 import json
 import re
-from typing import Any
+from collections.abc import Collection
 
 import numpy as np
 
 from .._system._pushing import in_words
+from .._tools._json import JSON
 from .._tools._table import WIDTH, text_of
 from ._bearing_words import best_in_words
 from ._release import Release
@@ -145,7 +146,7 @@ class Report:
             out.append((pivot, {self.rows[j]: -float(state[j]) for j in others}))
         return tuple(out)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities become None."""
         out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         out["verdicts"] = {kind: [judged.to_dict() for judged in all_of] for kind, all_of in self.verdicts.items()}
@@ -291,7 +292,7 @@ def count_of(number: int, word: str) -> str:
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 
-def _listed(head: str, names: Any) -> list[str]:
+def _listed(head: str, names: Collection[str]) -> list[str]:
     return [f"{head} none"] if not names else [head, *columns(list(names))]
 
 

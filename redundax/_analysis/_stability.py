@@ -20,7 +20,6 @@ stiffer, so the verdict is one on the ratios of compliances.
 import dataclasses
 import enum
 import itertools
-from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -38,6 +37,7 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
+from .._tools._json import JSON
 from .._tools._numbers import computed, xp
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
@@ -88,11 +88,11 @@ class Stability:
     verdict: Settling
     touching: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; an eigenvalue is a pair (real, imaginary)."""
         pairs = [[float(np.real(s)), float(np.imag(s))] for s in self.eigenvalues]
         said = {"eigenvalues": pairs, "growth": self.growth, "verdict": self.verdict.value}
-        return said | {"touching": list(self.touching)}
+        return {**said, "touching": list(self.touching)}
 
     def __str__(self) -> str:
         growth = f", growth {self.growth:.3g} 1/s" if self.growth else ""

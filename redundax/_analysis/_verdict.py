@@ -27,7 +27,6 @@ import dataclasses
 import enum
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import numpy as np
@@ -40,6 +39,7 @@ from .._solve._solution import Solution
 from .._system._friction import have_sense
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._json import JSON
 from .._tools._module import on_device
 from .._tools._numbers import on_numbers, xp
 from ._outputs import sizes
@@ -91,7 +91,7 @@ class Judged:
     with_friction: Verdict
     moved_by: tuple[int, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         return {
             "name": self.name,

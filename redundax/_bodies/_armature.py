@@ -6,7 +6,6 @@ with c' = J v: the drive feels a c'', the bodies its opposite as a pair of force
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +17,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
 from .._tools._value import AbstractModule
 from ._coordinate import SPIN, Coordinate, Place
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._stack import Stack, indices
 
 
@@ -44,14 +43,16 @@ class Armature(AbstractModule):
             for name, value in zip(own, values, strict=True)
         ]
 
-    def slopes(self, joints: Sequence[Stack], bodies: Any, n: int) -> Float[Array, "size n"]:
+    def slopes(self, joints: Sequence[Stack], bodies: AbstractPose, n: int) -> Float[Array, "size n"]:
         """J, by n velocities."""
         slopes = self.coordinate.slopes(joints, bodies)
         rows = jnp.arange(slopes.shape[0])[:, None]
         return jnp.zeros((slopes.shape[0], n), slopes.dtype).at[rows, self.columns].add(slopes, mode="drop")
 
 
-def armature_mass(parts: Sequence[Armature], joints: Sequence[Stack], bodies: Any, n: int) -> Float[Array, "n n"]:
+def armature_mass(
+    parts: Sequence[Armature], joints: Sequence[Stack], bodies: AbstractPose, n: int
+) -> Float[Array, "n n"]:
     """J^T a J at the poses of the bodies."""
     mass = jnp.zeros((n, n), parts[0].inertia.dtype)
     for each in parts:
@@ -61,7 +62,7 @@ def armature_mass(parts: Sequence[Armature], joints: Sequence[Stack], bodies: An
 
 
 def armature_load(
-    parts: Sequence[Armature], joints: Sequence[Stack], along: Callable[[Array], Any], v: Float[Array, " n"]
+    parts: Sequence[Armature], joints: Sequence[Stack], along: Callable[[Array], AbstractPose], v: Float[Array, " n"]
 ) -> Float[Array, " n"]:
     """J^T a (J' v), given the poses of the bodies after a time along v."""
 

@@ -1,36 +1,15 @@
 """Rigid bodies: what those of all mechanisms have, and planar ones."""
 
-import abc
-
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import check_kind, figure, is_concrete
-from .._tools._value import AbstractModule
-from ._figures import check_figures
-from ._frame import AbstractFrame
+from ._frame import AbstractBody, AbstractFrame
 from ._plane import PLANE
 
 GROUND = "ground"
-
-
-class AbstractBody(AbstractModule):
-    """A rigid body of a mechanism; `frame` says what its pose is."""
-
-    name: eqx.AbstractVar[str]
-    mass: eqx.AbstractVar[Float[Array, ""]]
-    inertia: eqx.AbstractVar[Float[Array, "*axes"]]
-
-    def __check_init__(self) -> None:
-        check_kind("name", self.name, str, "a word", "Give text in quotes.")
-        check_figures(self, f"body '{self.name}'", ())
-
-    @property
-    @abc.abstractmethod
-    def frame(self) -> AbstractFrame:
-        """What its pose is."""
 
 
 def name_of(body: AbstractBody | str) -> str:

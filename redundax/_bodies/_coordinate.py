@@ -2,15 +2,14 @@
 sums of such coordinates."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._value import AbstractModule
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joints import AbstractJoint
 from ._stack import Stack
 
@@ -25,15 +24,15 @@ class Coordinate(AbstractModule):
     column: int = eqx.field(static=True)
     members: Int[Array, " size"]
 
-    def value(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, " size"]:
+    def value(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, " size"]:
         some = joints[self.kind].take(self.members)
         return some.over(lambda joint, i, j: joint.coordinates(i, j)[self.column], bodies)
 
-    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "rates columns"]:
+    def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "rates columns"]:
         """Derivatives by the velocities of both bodies; of a spin in the axes of body i, three of each."""
         some = joints[self.kind].take(self.members)
 
-        def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
+        def of_one(joint: AbstractJoint, i: PyTree, j: PyTree) -> Array:
             if self.column == SPIN:
                 none, one = jnp.zeros((3, 3), i.axes.dtype), jnp.eye(3, dtype=i.axes.dtype)
                 return jnp.concatenate([none, one, none, -i.axes.T @ j.axes], axis=1)
@@ -60,11 +59,11 @@ class Total(AbstractModule):
     parts: tuple[Coordinate, ...]
     weights: Float[Array, "size parts"]
 
-    def value(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, " size"]:
+    def value(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, " size"]:
         first, *others = (self.weights[:, k] * part.value(joints, bodies) for k, part in enumerate(self.parts))
         return sum(others, first)
 
-    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
+    def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "size columns"]:
         """Derivatives by the velocities of both bodies of each part, one after the other."""
         parts = [self.weights[:, k, None] * part.slopes(joints, bodies) for k, part in enumerate(self.parts)]
         return jnp.concatenate(parts, axis=1)

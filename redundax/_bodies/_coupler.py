@@ -17,7 +17,7 @@ Of other ratios of angles the second must stay within half a turn: several posit
 
 from collections.abc import Mapping, Sequence
 from numbers import Real
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -32,11 +32,21 @@ from .._tools._module import Numbers, finite, floats, is_concrete, numpy_of, on_
 from .._tools._table import are_known
 from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place, Total
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joints._base import Row
 from ._stack import Stack, indices
 
 _Terms = tuple[tuple[str, float], ...]  # coordinates by name, and their weights
+
+
+class _Kind(NamedTuple):
+    """What couplers that are computed together share: stacks and columns of the coordinates of both sides, kinds of
+    single ones, whether they only push, and the shape of the polynomial."""
+
+    columns: tuple[tuple[tuple[int, int], ...], ...]
+    kinds: tuple[str, ...]
+    one_sided: bool
+    terms: tuple[int, ...]
 
 
 class _Part(NamedTuple):
@@ -177,7 +187,7 @@ class Couplings(AbstractModule):
     rows: Int[Array, " size"]
     columns: Int[Array, "size columns"]
 
-    def residuals(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size 1"]:
+    def residuals(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "size 1"]:
         first, second = (each.value(joints, bodies) for each in (self.first, self.second))
         gap = self.sign * (first - jax.vmap(_value)(self.polynomial, second))
         if self.turns == "neither":
@@ -185,12 +195,14 @@ class Couplings(AbstractModule):
         period = 2 * jnp.pi * (1 / self.share if self.turns == "first" else jnp.abs(self.polynomial[:, 1]))
         return (gap - period * jnp.round(gap / jnp.where(period > 0, period, 1.0)))[:, None]
 
-    def added(self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: Any) -> Float[Array, "m n"]:
+    def added(
+        self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: AbstractPose
+    ) -> Float[Array, "m n"]:
         """The Jacobian with these rows."""
         slopes = self.slopes(joints, bodies)
         return jacobian.at[self.rows[:, None], self.columns].add(slopes, mode="drop")
 
-    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
+    def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "size columns"]:
         """Derivatives by the velocities of all bodies."""
         slope = jax.vmap(jax.grad(_value, argnums=1))(self.polynomial, self.second.value(joints, bodies))
         parts = self.first.slopes(joints, bodies), -slope[:, None] * self.second.slopes(joints, bodies)
@@ -272,15 +284,16 @@ def coupled_rows(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -
     return found
 
 
-def _alike(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -> dict[Any, list[_Part]]:
+def _alike(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -> dict[_Kind, list[_Part]]:
     """Those of the same kinds together."""
-    found: dict[Any, list[_Part]] = {}
+    found: dict[_Kind, list[_Part]] = {}
     for part in [part for each in couplers for part in each.parts()]:
         both = [[places[name] for name, _ in terms] for terms in (part.first, part.second)]
         columns = tuple(tuple(place[:2] for place in end) for end in both)
         is_sum = any([weight for _, weight in terms] != [1.0] for terms in (part.first, part.second))
         kinds = () if is_sum or part.one_sided else tuple(end[0][3] for end in both)
-        found.setdefault((columns, kinds, part.one_sided, part.polynomial.shape), []).append(part)
+        kind = _Kind(columns, kinds, part.one_sided, part.polynomial.shape)
+        found.setdefault(kind, []).append(part)
     return found
 
 
@@ -314,7 +327,7 @@ def couplings(
     return tuple(found)
 
 
-def _turns(kinds: Sequence[str], terms: tuple[int]) -> Literal["first", "second", "neither"]:
+def _turns(kinds: Sequence[str], terms: tuple[int, ...]) -> Literal["first", "second", "neither"]:
     """Which coordinate in space may count some of its turns or none."""
     if kinds[0] == "angular":
         return "first"

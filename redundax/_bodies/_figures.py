@@ -2,9 +2,9 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
+from jaxtyping import Array
 
 from .._tools._errors import RedundaxError
 from .._tools._module import finite
@@ -21,8 +21,8 @@ def check_figures(part: eqx.Module, owner: str, but: Sequence[str]) -> None:
 def check_vectors(part: eqx.Module, names: Sequence[str], owner: str) -> None:
     """Refuse points and directions of a planar part that have other than two components."""
     for name in names:
-        value: Any = getattr(part, name, None)
-        if not eqx.is_inexact_array(value) or value.shape == (2,):
+        value: Array | None = getattr(part, name, None)
+        if value is None or not eqx.is_inexact_array(value) or value.shape == (2,):
             continue
         way = {
             (): "A number is no point: give a moment by its name, as in moment=2.0.",

@@ -6,21 +6,73 @@ ones of each, then the angular ones of each, Eqs. (1), (60).
 
 import abc
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Generic, Self, TypeVar
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._axis import Axis
 from .._system._state import State
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, finite
+from .._tools._module import Numbers, as_float, check_kind, finite
 from .._tools._value import AbstractModule
+from ._figures import check_figures
 
 
-class AbstractFrame(AbstractModule):
-    """Poses, mass and generalised forces of the bodies of a mechanism, stacked, from its coordinates.
+class AbstractPose(AbstractModule):
+    """Where the local frame of a body is in the global frame, of one body or stacked, in the plane or in space."""
+
+    r: eqx.AbstractVar[Float[Array, "*bodies axes"]]
+
+    def __getitem__(self, body: Int[Array, "*some"] | int) -> Self:
+        """Poses of some bodies out of stacked ones."""
+        return jax.tree.map(lambda x: x[body], self)
+
+    @abc.abstractmethod
+    def point(self, s: Float[Array, " axes"]) -> Float[Array, " axes"]:
+        """Global position of the point s of the local frame: r + R s."""
+
+    @abc.abstractmethod
+    def rotate(self, v: Float[Array, " axes"]) -> Float[Array, " axes"]:
+        """Global components of the local vector v: R v."""
+
+    @abc.abstractmethod
+    def local(self, x: Float[Array, " axes"]) -> Float[Array, " axes"]:
+        """Position in the local frame of the global point x: R^T (x - r)."""
+
+    @abc.abstractmethod
+    def unit_rates(self) -> Self:
+        """Rates of a pose by each of the velocities of its body, stacked."""
+
+
+class AbstractBody(AbstractModule):
+    """A rigid body of a mechanism; `frame` says what its pose is."""
+
+    name: eqx.AbstractVar[str]
+    mass: eqx.AbstractVar[Float[Array, ""]]
+    inertia: eqx.AbstractVar[Float[Array, "*axes"]]
+
+    def __check_init__(self) -> None:
+        check_kind("name", self.name, str, "a word", "Give text in quotes.")
+        check_figures(self, f"body '{self.name}'", ())
+
+    @property
+    @abc.abstractmethod
+    def frame(self) -> "AbstractFrame":
+        """What its pose is."""
+
+
+B = TypeVar("B", bound=AbstractBody)
+P = TypeVar("P", bound=AbstractPose)
+M = TypeVar("M")
+
+
+class AbstractFrame(AbstractModule, Generic[B, P, M]):
+    """Poses, mass and generalised forces of the bodies of a mechanism, stacked, from its coordinates: of bodies B whose
+    poses are P, and motions M.
 
     - `word`: "planar" or "spatial".
     - `linear`, `angular`: names of the velocities of a body.
@@ -70,11 +122,11 @@ class AbstractFrame(AbstractModule):
             finite(argument, array, owner)
         return array
 
-    def of(self, bodies: Sequence[Any]) -> Self:
+    def of(self, bodies: Sequence[B]) -> Self:
         """The frame of these bodies, as it is where their inertia allows."""
         return self
 
-    def alike(self, bodies: Sequence[Any]) -> Sequence[Any]:
+    def alike(self, bodies: Sequence[B]) -> Sequence[B]:
         """The bodies with arrays of the same shapes."""
         return bodies
 
@@ -89,7 +141,7 @@ class AbstractFrame(AbstractModule):
         """Whether the mass matrix is known to be diagonal."""
 
     @abc.abstractmethod
-    def centres(self, body: Any) -> Float[Array, "bodies axes"] | None:
+    def centres(self, body: B) -> Float[Array, "bodies axes"] | None:
         """Centres of mass in the local frames; None where these are their origins."""
 
     @abc.abstractmethod
@@ -97,16 +149,16 @@ class AbstractFrame(AbstractModule):
         """Refuse a position that is not one of bodies with n velocities."""
 
     @abc.abstractmethod
-    def poses(self, centres: Any, q: Float[Array, "..."]) -> Any:
+    def poses(self, centres: PyTree, q: Float[Array, "..."]) -> P:
         """Poses of all bodies and of the ground, which is last, stacked."""
 
-    def path(self, centres: Any, q: Float[Array, "..."], rate: Float[Array, " n"]) -> tuple[Array, Any] | None:
+    def path(self, centres: PyTree, q: Float[Array, "..."], rate: Float[Array, " n"]) -> tuple[Array, P] | None:
         """q', and stacked poses of all bodies with their rates and the rates of these along q [+] s rate, where they
         have a form of their own."""
         return None
 
     @abc.abstractmethod
-    def motions(self, body: Any, state: State) -> Any:
+    def motions(self, body: B, state: State) -> M:
         """The same with their rates, as loads are given them."""
 
     @abc.abstractmethod
@@ -118,7 +170,7 @@ class AbstractFrame(AbstractModule):
         return None
 
     @abc.abstractmethod
-    def reference(self, body: Any) -> Float[Array, "..."]:
+    def reference(self, body: B) -> Float[Array, "..."]:
         """The position q of bodies at their reference poses."""
 
     @abc.abstractmethod
@@ -126,20 +178,20 @@ class AbstractFrame(AbstractModule):
         """The velocity at which positions have a rate."""
 
     @abc.abstractmethod
-    def mass(self, body: Any) -> Float[Array, "n n"]:
+    def mass(self, body: B) -> Float[Array, "n n"]:
         """Mass matrix, which is constant."""
 
     @abc.abstractmethod
-    def masses(self, body: Any) -> Float[Array, "bodies v v"]:
+    def masses(self, body: B) -> Float[Array, "bodies v v"]:
         """That of each body."""
 
     @abc.abstractmethod
-    def load(self, body: Any, motion: Any, force: Array, moment: Array) -> Float[Array, " n"]:
+    def load(self, body: B, motion: M, force: Array, moment: Array) -> Float[Array, " n"]:
         """Generalised force of forces and moments about the origins of all bodies and of the ground, global
         components, and of the inertia that depends on the velocity."""
 
     @abc.abstractmethod
-    def reactions(self, pose: Any, by_row: Float[Array, "v rows"], point: Array) -> tuple[Array, Array, Array]:
+    def reactions(self, pose: P, by_row: Float[Array, "v rows"], point: Array) -> tuple[Array, Array, Array]:
         """Force and moment about a point of a body, both global and of one row each, from generalised forces on it;
         and the arm of the force."""
 

@@ -9,8 +9,6 @@ joint's point p on it, or about the body's origin where it has none; with j for 
 which acts along the joint's coordinate, is apart.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,7 +19,7 @@ from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
 from .._tools._module import replace_fields
 from .._tools._numbers import entries_set, known, of_model, xp
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joints import AbstractJoint
 from ._stack import Stack
 
@@ -38,7 +36,7 @@ class JointCoordinates(AbstractJointCoordinates):
 
     frame: AbstractFrame = eqx.field(static=True)
     centres: Float[Array, "bodies axes"] | None
-    joints: tuple[Stack[Any], ...]
+    joints: tuple[Stack[AbstractJoint], ...]
     source: Int[Array, " m"]
     others: bool = eqx.field(static=True, default=False)
 
@@ -67,7 +65,7 @@ class JointCoordinates(AbstractJointCoordinates):
         return replace_fields(self, others=not self.others)
 
     @property
-    def _moving(self) -> list[Stack[Any]]:
+    def _moving(self) -> list[Stack[AbstractJoint]]:
         return [joints for joints in self.joints if joints.element.coordinate_kinds]
 
     def positions(self, state: State) -> Array:
@@ -105,7 +103,7 @@ def coefficients(of: JointCoordinates, state: State) -> list[tuple[Array, Array]
 
 
 def _of_one(
-    frame: AbstractFrame, joint: AbstractJoint, i: tuple[Any, Array], j: tuple[Any, Array], t: Array
+    frame: AbstractFrame, joint: AbstractJoint, i: tuple[AbstractPose, Array], j: tuple[AbstractPose, Array], t: Array
 ) -> tuple[Array, Array]:
     """`coefficients` of a joint, given poses of its bodies; with that of i whether j is told of."""
     (pose_i, of_j), pose_j = i, j[0]

@@ -4,7 +4,7 @@ A mechanism keeps which joints have friction as indices; their geometry stays in
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -18,7 +18,7 @@ from .._system._friction import AbstractFriction
 from .._system._state import State
 from .._tools._module import as_float, as_functions, replace_fields, tree_pick, tree_take
 from .._tools._value import AbstractModule
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._friction_model import AbstractFrictionModel, Times
 from ._joints import AbstractJoint, AbstractRubbingJoint
 from ._stack import Stack, indices, kinds, stacked
@@ -32,7 +32,7 @@ class JointFriction(AbstractFriction):
 
     frame: AbstractFrame = eqx.field(static=True)
     centres: Float[Array, "bodies axes"] | None
-    joints: Stack[Any]
+    joints: Stack[AbstractRubbingJoint]
     model: AbstractFrictionModel
     rows: Int[Array, "joints rows"]
     slips: Axis = eqx.field(static=True)
@@ -80,11 +80,11 @@ class JointFriction(AbstractFriction):
     def slip(self, q: Array, t: Array) -> Array:
         return self.slip_at(self.frame.poses(self.centres, q))
 
-    def slip_at(self, poses: Any, relative: Any = None) -> Float[Array, " p"]:
+    def slip_at(self, poses: AbstractPose, relative: PyTree = None) -> Float[Array, " p"]:
         """`slip` at poses of all bodies, or at what the joints are functions of."""
         return self.joints.over(lambda joint, i, j: joint.slips(i, j), poses, relative).ravel()
 
-    def directions_at(self, poses: Any) -> Float[Array, "n p"]:
+    def directions_at(self, poses: AbstractPose) -> Float[Array, "n p"]:
         """E at poses of all bodies, of which the ground has no velocities."""
         own = self.joints.over(lambda joint, i, j: joint.by_velocities(joint.slips, i, j), poses)
         whole = self.joints.by_bodies(own, poses.r.shape[0] - 1)
@@ -111,7 +111,7 @@ class JointFriction(AbstractFriction):
     def _by_joint(self, slips: Array) -> Array:
         return slips.reshape(-1, self.width)
 
-    def _over(self, function: Callable[..., Array], state: State, *arguments: Any) -> Array:
+    def _over(self, function: Callable[..., Array], state: State, *arguments: PyTree) -> Array:
         """A function of joint, model, poses of both bodies where it reads them, and arguments of each joint."""
         ends = None
         if self.joints.element.reads_pose:
@@ -140,7 +140,7 @@ class FrictionMembers(AbstractModule):
         own = as_float(np.array([factors.get(name, 1.0) for name in self.joints]))
         return replace_fields(self, model=Times(self.model, own))
 
-    def of_stack(self, parts: Sequence[Any]) -> Any:
+    def of_stack(self, parts: Sequence[PyTree]) -> PyTree:
         """What these joints have, of parts that the stacks of joints have; None where theirs is."""
         own = parts[self.kind]
         return own if own is None or self.members is None else tree_take(own, self.members)

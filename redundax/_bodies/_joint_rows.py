@@ -1,19 +1,19 @@
 """Residuals and slopes of all joints, kind by kind, and the names of what joints have."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._system._axis import Axis
 from .._system._system import Path
 from .._tools._errors import RedundaxError
 from .._tools._module import check_takes, tracing
 from ._body import GROUND
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joints import AbstractJoint
 from ._stack import Stack, is_of_user
 
@@ -21,11 +21,11 @@ from ._stack import Stack, is_of_user
 class Positions(NamedTuple):
     """Poses of all bodies; and for each stack of joints what the poses of bodies i have seen, `None` if nothing."""
 
-    poses: Any
-    relatives: tuple[Any, ...]
+    poses: AbstractPose
+    relatives: tuple[PyTree, ...]
 
     @classmethod
-    def path(cls, joints: tuple[Stack, ...], poses: Any, along: Any) -> list["Positions"]:
+    def path(cls, joints: tuple[Stack, ...], poses: AbstractPose, along: AbstractPose) -> list["Positions"]:
         """Positions, their rates and the rates of these, from poses, and stacked poses with theirs."""
         seen = [stack.over(lambda joint, i, j: joint.relatives(i, j), along) for stack in joints]
         orders = [poses, *(jax.tree.map(lambda x, k=k: x[:, k], along) for k in (1, 2))]
@@ -48,7 +48,7 @@ def residuals(joints: tuple[Stack, ...], at: Positions, t: Array) -> list[Array]
     ]
 
 
-def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Callable[[], Any]) -> None:
+def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Callable[[], AbstractPose]) -> None:
     """Refuse joints of a user whose residual has not one entry for each of their rows; `names` of the first of each."""
     for stack, name in zip(joints, names, strict=True):
         kind = type(stack.element)
@@ -74,13 +74,15 @@ def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Call
 
 
 @eqx.filter_jit
-def missed_velocities(joints: tuple[Stack, ...], at: Any, rate: Any) -> list[Float[Array, "joints rows"]]:
+def missed_velocities(
+    joints: tuple[Stack, ...], at: AbstractPose, rate: AbstractPose
+) -> list[Float[Array, "joints rows"]]:
     """A qd of the rows of velocity of all joints and zeros of other rows, from poses and their rates."""
 
-    def rolled(poses: Any) -> list[Array]:
+    def rolled(poses: AbstractPose) -> list[Array]:
         both = jax.tree.map(lambda *pair: jnp.stack(pair, axis=1), poses, at)
 
-        def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
+        def of_one(joint: AbstractJoint, i: AbstractPose, j: AbstractPose) -> Array:
             if not joint.velocity_rows:
                 return jnp.zeros(len(joint.row_kinds), i.r.dtype)
             return joint.rolled(i[0], j[0], i[1], j[1])
@@ -91,7 +93,7 @@ def missed_velocities(joints: tuple[Stack, ...], at: Any, rate: Any) -> list[Flo
 
 
 @eqx.filter_jit
-def slopes(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
+def slopes(joints: tuple[Stack, ...], bodies: AbstractPose, t: Array) -> list[Array]:
     """Their slopes by the velocities of both bodies, (joints, rows, columns) each."""
     return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
 

@@ -6,7 +6,7 @@ the bodies knows.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Self, cast
+from typing import Self, cast
 
 import equinox as eqx
 import jax
@@ -34,13 +34,13 @@ from .._tools._module import (
     replace_fields,
     tree_pick,
 )
-from .._tools._numbers import asked_of_model
+from .._tools._numbers import Numeric, asked_of_model
 from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
 from ._coordinate import ball_places, coordinate_places
 from ._coupler import Coupler, Couplings, Stop, coupled_rows, couplings
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joint_rows import (
@@ -178,7 +178,7 @@ class Mechanism(AbstractSystem):
     def _check_residuals(self, names: Sequence[str], count: int) -> None:
         """Refuse joints of a user whose residual has another shape than their rows."""
 
-        def poses() -> Any:
+        def poses() -> AbstractPose:
             q = jnp.zeros(count * self.frame.size) if self.frame.adds else self.frame.reference(self.body)
             return self.frame.poses(self.frame.centres(self.body), q)
 
@@ -304,7 +304,7 @@ class Mechanism(AbstractSystem):
         return self._point(state.q, place, self.frame.vector("at", at))
 
     @asked_of_model
-    def _point(self, q: Array, place: Int[Array, ""], at: Float[Array, " axes"]) -> Float[Array, " axes"]:
+    def _point(self, q: Array, place: Int[Numeric, ""], at: Float[Array, " axes"]) -> Float[Array, " axes"]:
         return self.poses(q)[place].point(at)
 
     @asked_of_model
@@ -312,7 +312,7 @@ class Mechanism(AbstractSystem):
         own = self.frame.mass(self.body)
         return own + armature_mass(self.armature, self.joints, self.poses(q), len(own)) if self.armature else own
 
-    def poses(self, q: Array) -> Any:
+    def poses(self, q: Array) -> AbstractPose:
         """Poses of all bodies and of the ground, which is last, stacked."""
         self.frame.check(q, len(self.coordinates))
         return self.frame.poses(self.frame.centres(self.body), q)
@@ -403,7 +403,7 @@ class Mechanism(AbstractSystem):
         reactions."""
         return JointCoordinates(self.frame, self.frame.centres(self.body), self.joints, self._source)
 
-    def of_rows(self, values: Sequence[Array], coupled: Any = 0) -> Shaped[Array, " m ..."]:
+    def of_rows(self, values: Sequence[Array], coupled: ArrayLike = 0) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows; all of
         couplers have the same number, unless theirs are given too."""
         flat = [value.reshape(-1, *value.shape[2:]) for value in values]
@@ -412,7 +412,7 @@ class Mechanism(AbstractSystem):
         return tree_pick(jnp.concatenate(flat), self._source)
 
     @property
-    def rows_of_joints(self) -> list[Any]:
+    def rows_of_joints(self) -> list[Numeric]:
         """Row indices of the joints of each stack, (joints, rows); traced where the mechanism is."""
         sizes, xp = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints], numpy_of(self._source)
         places = xp.argsort(xp.asarray(self._source))
@@ -436,7 +436,7 @@ class Mechanism(AbstractSystem):
         if not self.armature:
             return load
 
-        def along(s: Array) -> Any:
+        def along(s: Array) -> AbstractPose:
             return self.poses(self.retract(state.q, s * state.qd))
 
         return load - armature_load(self.armature, self.joints, along, state.qd)

@@ -2,16 +2,16 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
 from .._system._names import Names
 from .._system._units import StatedUnits, with_unit
 from .._tools._table import WIDTH, Group, figures, group, page, text_of
 from ._armature import Armature
-from ._body import GROUND
+from ._body import GROUND, AbstractBody
 from ._joint_friction import FrictionMembers
 from ._stack import Stack
 
@@ -21,11 +21,11 @@ _KINDS = {"preload": ("force", 0), "velocity": ("linear", 1), "radius": ("linear
 
 def mechanism_page(
     names: Names,
-    body: Any,
+    body: AbstractBody,
     joints: Sequence[Stack],
     friction: Sequence[FrictionMembers],
     loads: Sequence[Stack],
-    gravity: Any,
+    gravity: Array,
     armature: Sequence[Armature],
     couplers: Sequence[tuple[str, str, str]],
 ) -> str:
@@ -48,7 +48,7 @@ def mechanism_page(
     return text_of([*head, *page([_bodies(names, body)], [_joints(names, joints, friction, couplers)], _MORE)])
 
 
-def _bodies(names: Names, body: Any) -> Group:
+def _bodies(names: Names, body: AbstractBody) -> Group:
     """Mass and inertia; in space about the axes of the body, without its products."""
     mass, unit, inertia = np.asarray(body.mass), names.units.of("inertia"), np.asarray(body.inertia)
     if inertia.ndim == 3:

@@ -5,12 +5,13 @@ from typing import NamedTuple, cast
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from .._tools._value import AbstractModule
+from ._frame import AbstractPose
 
 
-class Pose(AbstractModule):
+class Pose(AbstractPose):
     """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
 
     `axes`, of shape (2,) each, are those of the frame, where they are known already; constraints and slips are given
@@ -27,10 +28,6 @@ class Pose(AbstractModule):
     r: Float[Array, "*bodies 2"]
     phi: Float[Array, "*bodies"]
     axes: tuple[Float[Array, "*bodies 2"], Float[Array, "*bodies 2"]] | None = None
-
-    def __getitem__(self, body: Int[Array, "*some"] | int) -> "Pose":
-        """Poses of some bodies out of stacked ones."""
-        return jax.tree.map(lambda x: x[body], self)
 
     def point(self, s: Float[Array, "2"]) -> Float[Array, "2"]:
         """Global position of the point s of the local frame: r + R s."""

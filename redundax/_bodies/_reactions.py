@@ -1,7 +1,6 @@
 """Force and moment of a joint on its bodies, whatever the joint; and of an applied load: see `_joint_coordinates`."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import jax
 import numpy as np
@@ -9,6 +8,8 @@ import numpy as np
 from .._system._state import State
 from ._joint_coordinates import coefficients
 from ._mechanism import Mechanism
+from ._pose import Wrench
+from ._space._pose import Wrench as SpatialWrench
 from ._stack import Stack
 
 
@@ -35,7 +36,9 @@ def _by_joint(mechanism: Mechanism, state: State) -> Iterator[tuple[np.ndarray, 
             yield rows, np.where(reads, matrix, 0.0)
 
 
-def load_wrenches(mechanism: Mechanism, stack: Stack, state: State) -> tuple[Any, Any]:
+def load_wrenches(
+    mechanism: Mechanism, stack: Stack, state: State
+) -> tuple[Wrench, Wrench] | tuple[SpatialWrench, SpatialWrench]:
     """Wrenches of stacked loads on their bodies i and j, moments about the bodies' origins."""
     bodies = mechanism.frame.motions(mechanism.body, state)
     return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)

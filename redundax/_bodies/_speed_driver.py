@@ -7,7 +7,6 @@ driving force or moment along the coordinate.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,7 +17,7 @@ from .._system._names import Names, index_of
 from .._tools._module import Numbers
 from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place
-from ._frame import AbstractFrame
+from ._frame import AbstractFrame, AbstractPose
 from ._joints._base import Row
 from ._law_of_time import check_law, law_of_time
 from ._stack import Stack, indices
@@ -62,22 +61,24 @@ class DrivenSpeed(AbstractModule):
     rows: Int[Array, " 1"]
     columns: Int[Array, "1 columns"]
 
-    def residuals(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "1 1"]:
+    def residuals(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "1 1"]:
         """None: it asks for no position."""
         return jnp.zeros_like(self.driven.value(joints, bodies))[:, None]
 
     def missed(
-        self, joints: Sequence[Stack], bodies: Any, qd: Float[Array, " n"], t: Array, u: Array | None
+        self, joints: Sequence[Stack], bodies: AbstractPose, qd: Float[Array, " n"], t: Array, u: Array | None
     ) -> Float[Array, "1 1"]:
         """c' - f(t) u."""
         rate = self.slopes(joints, bodies) * qd.at[self.columns].get(mode="fill", fill_value=0.0)
         return jnp.sum(rate, axis=1, keepdims=True) - self.speed(t) * (1.0 if u is None else u)
 
-    def added(self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: Any) -> Float[Array, "m n"]:
+    def added(
+        self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: AbstractPose
+    ) -> Float[Array, "m n"]:
         """The Jacobian with this row."""
         return jacobian.at[self.rows[:, None], self.columns].add(self.slopes(joints, bodies), mode="drop")
 
-    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "1 columns"]:
+    def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "1 columns"]:
         """Derivatives of c by the velocities of both bodies."""
         return self.driven.slopes(joints, bodies)
 

@@ -7,13 +7,13 @@ same counts of each kind.
 import dataclasses
 import functools
 from collections.abc import Callable, Hashable, Sequence
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import ClassVar, Generic, Self, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._compilation import is_loopless
 from .._tools._errors import RedundaxError
@@ -73,7 +73,7 @@ def _with_fields(make: Callable[..., None]) -> Callable[..., None]:
     """An `__init__` that says how fields are declared where it sets one that is not."""
 
     @functools.wraps(make)
-    def init(self: Any, *arguments: Any, **named: Any) -> None:
+    def init(self: AbstractBetweenBodies, *arguments: PyTree, **named: PyTree) -> None:
         try:
             make(self, *arguments, **named)
         except dataclasses.FrozenInstanceError as error:
@@ -88,6 +88,8 @@ def _with_fields(make: Callable[..., None]) -> Callable[..., None]:
 
 E = TypeVar("E", bound=eqx.Module | tuple)
 B = TypeVar("B", bound=AbstractBetweenBodies)
+S = TypeVar("S")
+T = TypeVar("T")
 
 
 class Stack(AbstractModule, Generic[E]):
@@ -101,7 +103,7 @@ class Stack(AbstractModule, Generic[E]):
     i: Int[Array, " size"]
     j: Int[Array, " size"]
 
-    def over(self, function: Callable[[E, Any, Any], Any], bodies: Any, relative: Any = None) -> Any:
+    def over(self, function: Callable[[E, S, S], T], bodies: S, relative: PyTree = None) -> T:
         """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last;
         `relative` is what the poses of the bodies i have seen, if it is known."""
         on_i, on_j = tree_pick(bodies, self.i), tree_pick(bodies, self.j)

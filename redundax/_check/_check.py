@@ -18,7 +18,7 @@ from .._solution_sets._band._band import band
 from .._solution_sets._bounds import AbstractBounds
 from .._system._state import State
 from .._tools._errors import RedundaxError
-from .._tools._module import check_kind, floats
+from .._tools._module import Numbers, check_kind, floats
 from .._tools._numbers import as_arrays, computing
 from ._judge import AXES, Judgement, Kinds, Loads, closed_loads, coefficients_of, judged, loads_along
 from ._log import Figure, Log, read_log, table_of
@@ -35,12 +35,12 @@ _SAMPLES = 128  # of a band, for figures that are not determined
 
 def check(
     mechanism: Mechanism,
-    log: Series | Mapping[str, Any] | str | pathlib.Path,
+    log: Series | Mapping[str, Numbers] | str | pathlib.Path,
     closure: AbstractClosure | None = None,
     *,
     axes: str | None = None,
     drives: Sequence[str] | None = None,
-    q: Any = None,
+    q: Numbers | None = None,
     bounds: AbstractBounds | None = None,
     rtol: float = 1e-3,
 ) -> LogReport:

@@ -10,7 +10,7 @@ nearest such is the self-stress that the log carries, and what it leaves is wron
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,7 +112,7 @@ def _without(stress: np.ndarray, rows: list[int]) -> np.ndarray:
     return np.linalg.svd(left)[0][:, : stress.shape[1] - len(rows)]
 
 
-def _friction(system: Mechanism, path: Path) -> Any:
+def _friction(system: Mechanism, path: Path) -> np.ndarray | float:
     """Forces of friction that no load of a joint changes; other friction is not judged."""
     if not system.friction:
         return 0.0

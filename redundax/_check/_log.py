@@ -16,13 +16,14 @@ import io
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from .._bodies._mechanism import Mechanism
 from .._system._names import Names
 from .._tools._errors import RedundaxError
+from .._tools._module import Numbers
 from .._tools._words import did_you_mean, ended, short
 
 _LARGEST = 200_000_000  # bytes: more than a table that fits into memory as text and numbers
@@ -103,7 +104,7 @@ def table_of(path: pathlib.Path) -> dict[str, np.ndarray]:
     return dict(zip(names, found.T, strict=True))
 
 
-def read_log(mechanism: Mechanism, columns: Mapping[str, Any]) -> Log:
+def read_log(mechanism: Mechanism, columns: Mapping[str, Numbers]) -> Log:
     """What the columns are to a mechanism.
 
     **Raises:** `RedundaxError` without times, without a load that has a name here, or for numbers that are not finite.
@@ -159,7 +160,7 @@ def listed_names(names: Sequence[str]) -> str:
     return ", ".join([*(short(name) for name in names[:_LISTED]), *["..."] * (len(names) > _LISTED)]) or "no other"
 
 
-def _numbers(name: str, values: Any) -> np.ndarray:
+def _numbers(name: str, values: Numbers) -> np.ndarray:
     try:
         found = np.asarray(values, float)
     except (TypeError, ValueError) as error:

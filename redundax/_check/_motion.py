@@ -5,14 +5,16 @@ accelerations that a log does not have are derivatives of splines through its co
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
+from .._bodies._frame import AbstractPose
 from .._bodies._joint_coordinates import coefficients
+from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._equations._dense_closing import closing_at
 from .._equations._kinematics import along_motion
@@ -81,14 +83,17 @@ class Reactions(NamedTuple):
     """By stack, over time: reactions by the rows of each joint on a body, their points on it and on the other body,
     global, axes of the joint on body j; and the axes of all bodies and the ground."""
 
-    by_rows: list[Any]
-    points: list[Any]
-    points_beyond: list[Any]
-    turned: list[Any]
+    by_rows: list[Numeric]
+    points: list[Numeric]
+    points_beyond: list[Numeric]
+    turned: list[Numeric]
     axes: Numeric
 
 
-def in_batches(program: Callable[..., Any], *arrays: np.ndarray) -> Any:
+T = TypeVar("T")
+
+
+def in_batches(program: Callable[..., T], *arrays: np.ndarray) -> T:
     """What a program of one time gives at all, some at a time, the last ones filled up."""
     parts = []
     for first in range(0, len(arrays[0]), _TOGETHER):
@@ -155,7 +160,7 @@ def _reactions(system: Mechanism, other: bool, times: Array, q: Array, qd: Array
     return jax.vmap(of_one)(times, q, qd)
 
 
-def _points(joint: Any, i: Any, j: Any) -> tuple[Array, Array]:
+def _points(joint: AbstractJoint, i: tuple[AbstractPose, Array], j: tuple[AbstractPose, Array]) -> tuple[Array, Array]:
     """Where the points of a joint are, global, that on the body which its reaction is told of first."""
     (pose_i, of_j), pose_j = i, j[0]
     none = jnp.zeros_like(pose_i.r)
@@ -180,13 +185,13 @@ def _opposite(told: Reactions) -> Reactions:
     return Reactions(found, told.points_beyond, told.points, told.turned, told.axes)
 
 
-def _axes(joint: Any, _: Any, j: Any) -> Array:
+def _axes(joint: AbstractJoint, _: AbstractPose, j: AbstractPose) -> Array:
     """Axes of a joint on body j, global."""
     own = joint.axes_on("j")
     return _matrix(j) if own is None else _matrix(j) @ own
 
 
-def _matrix(pose: Any) -> Array:
+def _matrix(pose: PyTree) -> Array:
     """Axes of bodies as columns; in the plane they are a pair."""
     return jnp.stack(pose.axes, axis=-1) if isinstance(pose.axes, tuple) else pose.axes
 
@@ -200,7 +205,7 @@ def scale_by(system: Mechanism, jacobian: np.ndarray) -> Scale:
     return Scale(coordinates, np.where(rows > 0, rows, 1.0), length)
 
 
-def path_of(system: Mechanism, log: Log, q: Any, drives: Sequence[str] | None) -> Path:
+def path_of(system: Mechanism, log: Log, q: Numeric, drives: Sequence[str] | None) -> Path:
     """The states along a log whose coordinates are columns.
 
     **Raises:** `RedundaxError` where coordinates of the log leave the machine free, `NoSolutionError` where there is
@@ -280,7 +285,13 @@ def _wraps(system: Mechanism) -> np.ndarray:
 
 
 def _followed(
-    system: Mechanism, scale: Scale, times: np.ndarray, given: np.ndarray, places: np.ndarray, wraps: np.ndarray, q: Any
+    system: Mechanism,
+    scale: Scale,
+    times: np.ndarray,
+    given: np.ndarray,
+    places: np.ndarray,
+    wraps: np.ndarray,
+    q: Numeric,
 ) -> tuple[np.ndarray, float]:
     """Positions at all times, and how far coordinates are from those given."""
     m, n = len(system.rows), len(system.coordinates)

@@ -2,11 +2,12 @@
 
 import dataclasses
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._analysis._outputs import plain
+from .._tools._json import JSON
 from .._tools._optional import optional
 from .._tools._table import WIDTH, text_of
 
@@ -177,7 +178,7 @@ class LogReport:
             said.append(f"Least and largest within the bounds are those at t = {self.band_time:.4g}.")
         return said
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         stamps, worst = self.stamps, self.worst
         figures = {

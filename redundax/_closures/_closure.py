@@ -11,7 +11,7 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 import abc
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -382,7 +382,7 @@ class Compliance(AbstractClosure):
         return alone(units.energy * self.W / scale**2, system), self.misfit / scale
 
 
-def _figures(given: ByName) -> Any:
+def _figures(given: ByName) -> Array | dict[str, Array]:
     """Numbers as an array, or each by its name."""
     return {name: as_float(value) for name, value in given.items()} if isinstance(given, Mapping) else as_float(given)
 

@@ -10,9 +10,8 @@ space, the displacement v0 of the parts as they are, and the reference point abo
 frame of a body that the joint connects, the one on which the seat sits, and turn with it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,12 +20,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._bodies._body import GROUND
-from .._bodies._frame import AbstractFrame
+from .._bodies._frame import AbstractFrame, AbstractPose
 from .._bodies._joint_rows import slopes
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
 from .._system._axis import join
-from .._system._names import index_of
+from .._system._names import Names, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units, checked_units
@@ -51,7 +50,7 @@ class _Seat(AbstractModule):
     number: Int[Array, ""]
 
     def rows(
-        self, frame: AbstractFrame, slope: Float[Array, "rows columns"], i: Any, j: Any
+        self, frame: AbstractFrame, slope: Float[Array, "rows columns"], i: AbstractPose, j: AbstractPose
     ) -> tuple[Float[Array, "rows size"], Float[Array, "rows size"], Float[Array, " rows"], Int[Array, " rows"]]:
         """A and A C along the axes of the seat, A v0, and the number of the joint, whose slopes by the velocities of
         both bodies are given."""
@@ -187,7 +186,13 @@ def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame
 
 
 @partial(on_numbers, jit=False)
-def seats_of(given: dict, kind: Any, joints: Any, names: Any, units: Units) -> tuple:
+def seats_of(
+    given: dict[str, AbstractJointCompliance],
+    kind: Callable[[str], AbstractJointCompliance],
+    joints: Sequence[Stack],
+    names: Names,
+    units: Units,
+) -> tuple[_Seat, ...]:
     """The seats of all joints."""
     number, stacks = 0, []
     for stack, members in zip(joints, names.joints, strict=True):

@@ -6,7 +6,7 @@ load: its loads cost c |lam| of energy. Pins, sleeves and balls have it in all d
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
+from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, finite, not_negative
@@ -108,12 +109,15 @@ def warn_of_idle_play(play: Play, redundant: np.ndarray, labels: Sequence[str], 
         warnings.warn(f"Play of {', '.join(names)} changes no load: {loads} unique.", stacklevel=stacklevel + 1)
 
 
-def without_play(closure: Any) -> Any:
+T = TypeVar("T")
+
+
+def without_play(closure: T) -> T:
     """The same closure of joints that fit."""
     return jax.tree.map(lambda x: None if isinstance(x, Play) else x, closure, is_leaf=lambda x: isinstance(x, Play))
 
 
-def refuse_play(closure: Any, system: Any, call: str = "this call", instead: str = "`solve` does") -> None:
+def refuse_play(closure: Any, system: AbstractSystem, call: str = "this call", instead: str = "`solve` does") -> None:
     """Refuse a closure with play, for a call that would leave it out."""
     if closure.clearances(system) is not None:
         raise RedundaxError(

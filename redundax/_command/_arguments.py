@@ -3,9 +3,8 @@
 import argparse
 import math
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import metadata
-from typing import Any
 
 from .._models._formats import MODELS
 from .._tools._cache import LIMIT
@@ -45,23 +44,23 @@ def argument_parser() -> argparse.ArgumentParser:
         help="computed figures at full float64 precision: {table2, table3, table4}, lists of rows with u, h or "
         "x0, linear, angular, forces, moments and, with friction, tau, in the units of the row",
     )
-    _own_mechanism(commands)
+    _own_mechanism(commands.add_parser)
     return parser
 
 
-def _own_mechanism(commands: Any) -> None:
-    """Add the commands on a user's file."""
-    analysis = commands.add_parser(
+def _own_mechanism(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the commands on a user's file; `add` is that of argparse."""
+    analysis = add(
         "analyze",
         help="what is unique in a mechanism of yours",
         description=f"Rank, self-stress, and which multipliers and accelerations are unique, at a state. {_PICK}",
     )
-    study = commands.add_parser(
+    study = add(
         "study",
         help="how far a mechanism of yours varies along its self-stress",
         description=f"Solutions along every self-stress state: table of extremes, and a picture with --png. {_PICK}",
     )
-    page = commands.add_parser(
+    page = add(
         "report",
         help="both as a page with pictures",
         description="A page to read, print and pass on: the mechanism drawn, what is redundant, what is unique and "
@@ -73,8 +72,8 @@ def _own_mechanism(commands: Any) -> None:
             metavar="FILE.py:NAME",
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
-    examination, referee = _audit(commands), _check(commands)
-    _drive(commands)
+    examination, referee = _audit(add), _check(add)
+    _drive(add)
     for command in (analysis, study, examination, referee):
         command.add_argument("--json", action="store_true", help="print JSON")
     page.add_argument(
@@ -103,9 +102,9 @@ def _own_mechanism(commands: Any) -> None:
         command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
 
-def _audit(commands: Any) -> argparse.ArgumentParser:
+def _audit(add: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add the command on models from files."""
-    examination = commands.add_parser(
+    examination = add(
         "audit",
         help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT, USD or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
@@ -166,9 +165,9 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     return examination
 
 
-def _check(commands: Any) -> argparse.ArgumentParser:
+def _check(add: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add the command on logs."""
-    referee = commands.add_parser(
+    referee = add(
         "check",
         help="which joint loads of another program's log are determined, and whether those are right",
         description="Stamps each joint load of a log: determined by the machine and right, determined and wrong, or "
@@ -192,9 +191,9 @@ def _check(commands: Any) -> argparse.ArgumentParser:
     return referee
 
 
-def _drive(commands: Any) -> None:
+def _drive(add: Callable[..., argparse.ArgumentParser]) -> None:
     """Add the command on driven machines."""
-    motion = commands.add_parser(
+    motion = add(
         "drive",
         help="which torque the motors of a model must give: MJCF, URDF or yours",
         description="Moves coordinates of joints along laws of time and tells what their drives must give: peak, root "

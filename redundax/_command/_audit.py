@@ -7,7 +7,7 @@ import pathlib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from .._equations._assemble import assemble
 from .._equations._factorize import factorize_dense
 from .._finite_elements._body_loads import as_calculix, as_csv, body_loads
 from .._models._audit import Audit, audit
-from .._models._audit_page import audit_page
+from .._models._audit_page import About, audit_page
 from .._models._choice import listed
 from .._models._examine import examine
 from .._models._fix import Fix, fix
@@ -36,7 +36,7 @@ from ._audit_html import check_pictures, write_page
 from ._copy import check_copy
 from ._file import FileError, blaming, load, writing
 from ._output import show, tell
-from ._stops import stops_of, stops_page
+from ._stops import Stops, stops_of, stops_page
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
@@ -59,7 +59,7 @@ def audit_file(arguments: argparse.Namespace) -> int:
     page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
     rest = [*(stops_page(stops) if stops else ()), *_next(arguments, found), *_notes(about, stops is not None)]
     text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
-    data = {"model": arguments.system, **about, "warnings": told, **found.to_dict()}
+    data = {"model": arguments.system, **(about or {}), "warnings": told, **found.to_dict()}
     data |= {"stops": stops} if stops else {}
     show(json.dumps(data) if arguments.json else text)
     if mended:
@@ -69,7 +69,7 @@ def audit_file(arguments: argparse.Namespace) -> int:
     if arguments.html:
         write_page(arguments.html, printable(f"Audit of {arguments.system}"), printable(text), system, state, found)
         tell(f"written: {arguments.html}")
-    return _status(found, about.get("whole", True), arguments.allow)
+    return _status(found, about is None or about["whole"], arguments.allow)
 
 
 def _write_loads(file: pathlib.Path, system: AbstractSystem, state: State) -> None:
@@ -94,10 +94,10 @@ class _Found(NamedTuple):
     system: AbstractSystem
     state: State
     audit: Audit
-    about: dict[str, Any]
+    about: About | None
     fix: Fix | None = None
     language: str = ""
-    stops: dict[str, Any] | None = None
+    stops: Stops | None = None
     lines: Mapping[tuple[str, ...], Sequence[str]] = MappingProxyType({})
 
 
@@ -125,7 +125,7 @@ def _found(arguments: argparse.Namespace) -> _Found:
         with blaming(path):
             system, state = load(path)
             with stage("finding what is unique"):
-                return _Found(system, state, audit(system, state, _elsewhere(system, state)), {})
+                return _Found(system, state, audit(system, state, _elsewhere(system, state)), None)
     with _clearly(path):
         with stage("reading the model and closing its loops"):
             model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
@@ -179,7 +179,7 @@ def _elsewhere(system: AbstractSystem, state: State) -> list[State]:
     return jax.device_get(found) if factor.freedom else []
 
 
-def _about(model: Model) -> dict[str, Any]:
+def _about(model: Model) -> About:
     bodies = len(model.mechanism.names.bodies)
     worst = max(model.misfits.values(), default=0.0)
     left = max(model.tree.misfits(model.positions).values(), default=0.0)
@@ -201,14 +201,14 @@ def _about(model: Model) -> dict[str, Any]:
     }
 
 
-def _heading(path: str, about: dict[str, Any], asked: bool) -> list[str]:
+def _heading(path: str, about: About | None, asked: bool) -> list[str]:
     if not about:
         return [path]
     first = f"{path}: {contents(about['bodies'], about['joints'], about['loops'])}"
     return [first, *(line for each in _position(about, asked) for line in wrapped(each))]
 
 
-def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
+def _position(about: About, asked: bool) -> Iterator[str]:
     """Which position the audit begins from, where that is not plainly that of the file within its limits."""
     where, keys = about["position"], [key for key in about["keyframes"] if key != about["keyframe"]]
     if about["keyframe"]:
@@ -232,10 +232,10 @@ def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
         yield f"Keyframe{'s' * (len(keys) > 1)} of the file: {listed(keys)}; --keyframe NAME begins from one."
 
 
-def _notes(about: dict[str, Any], are_stops_asked: bool) -> list[str]:
+def _notes(about: About | None, are_stops_asked: bool) -> list[str]:
     """What the model here is without."""
-    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") and about["soft"] else []
-    notes = [" ".join(note.split()) for note in about.get("left_out", ())]
+    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about and about["loops"] and about["soft"] else []
+    notes = [" ".join(note.split()) for note in (about["left_out"] if about else ())]
     notes = [note for note in notes if not (are_stops_asked and note.startswith(STOPS))]
     told = [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
     return [line for each in told for line in wrapped(each, subsequent_indent="    ")]

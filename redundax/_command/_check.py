@@ -4,7 +4,6 @@ import argparse
 import json
 import pathlib
 import warnings
-from typing import Any
 
 from .._bodies._mechanism import Mechanism
 from .._check._check import check
@@ -72,7 +71,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[Mechanism, State, Series | p
     return mechanism, model.state, _log(arguments, model), model.is_whole
 
 
-def _mechanism(path: str, system: Any) -> Mechanism:
+def _mechanism(path: str, system: object) -> Mechanism:
     if not isinstance(system, Mechanism):
         raise FileError(f"'{path}' must be a `Mechanism`, with joints, but is {type(system).__name__}. Name another.")
     return system

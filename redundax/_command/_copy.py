@@ -2,7 +2,7 @@
 
 import pathlib
 from collections.abc import Iterable, Iterator
-from typing import Any
+from xml.etree.ElementTree import Element
 
 from .._models._content import document
 from .._models._edit_usd import layers_of
@@ -74,7 +74,7 @@ def _named(source: pathlib.Path) -> Iterator[pathlib.Path]:
     yield from (pathlib.Path(text) for text in map(_of_sdf, root.iter("uri")) if text and "://" not in text)
 
 
-def _of_sdf(element: Any) -> str:
+def _of_sdf(element: Element) -> str:
     return (element.text or "").strip()
 
 

@@ -6,14 +6,14 @@ import csv
 import inspect
 import pathlib
 from collections.abc import Callable
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
 from .._bodies._law_of_time import Polynomial
 from .._drive._along import coordinates_of, values_of
 from .._drive._drive import drive
-from .._drive._laws import AbstractMove, Cycloidal, Harmonic, SCurve, Trapezoid
+from .._drive._laws import AbstractLaw, AbstractMove, Cycloidal, Harmonic, SCurve, Trapezoid
 from .._drive._run import Run
 from .._models._formats import MODELS
 from .._models._model import load_model
@@ -35,7 +35,8 @@ def _polynomial(*coefficients: float) -> Polynomial:
 
 
 _TO_JOINTS = "Give the law to a joint, not to an actuator of the file."
-_LAWS: dict[str, Callable[..., Any]] = {
+Law: TypeAlias = AbstractLaw | Polynomial
+_LAWS: dict[str, Callable[..., Law]] = {
     "trapezoid": Trapezoid,
     "scurve": SCurve,
     "cycloidal": Cycloidal,
@@ -104,7 +105,7 @@ def _coordinate(name: str, system: AbstractSystem) -> str:
     return name
 
 
-def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str, Any]:
+def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str, Law]:
     """A coordinate and its law, from "motor=trapezoid(3.1, speed=2, acceleration=10)"; moves start where it is."""
     name, _, call = text.partition("=")
     known = f"{', '.join(_LAWS)}"
@@ -130,7 +131,7 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
         raise FileError(f"The law '{text}' does not fit: {error} Figures of {kind}: {figures}.") from error
 
 
-def _duration(law: Any) -> float:
+def _duration(law: Law) -> float:
     if isinstance(law, AbstractMove):
         return float(law.begin + law.duration)
     return float(1 / law.frequency) if isinstance(law, Harmonic) else 0.0

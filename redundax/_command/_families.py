@@ -3,7 +3,6 @@
 import dataclasses
 import pathlib
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ def report_with_families(
     closure: AbstractClosure,
     amplitude: float | None,
     samples: int,
-    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    watch: Callable[[range], Iterable[int]] = iter,
     factor: Factorisation | None = None,
 ) -> tuple[Report, list[SolutionFamily]]:
     """The report, and the solutions along every self-stress state; none where there is a problem."""

@@ -8,7 +8,6 @@ import sys
 import traceback
 from collections.abc import Iterator
 from types import ModuleType
-from typing import Any
 
 from .._models._formats import MODELS, not_a_model
 from .._system._state import State
@@ -113,7 +112,7 @@ def _no_name(argument: str) -> str:
     )
 
 
-def _pair(path: str, name: str, value: Any, module: ModuleType) -> tuple[AbstractSystem, State]:
+def _pair(path: str, name: str, value: object, module: ModuleType) -> tuple[AbstractSystem, State]:
     """The system and state that a name of a file holds."""
     if isinstance(value, AbstractSystem):
         if not isinstance(getattr(module, "state", None), State):

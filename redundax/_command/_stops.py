@@ -1,6 +1,6 @@
 """What joint limits bear that a model stands at, as stops that only push: `redundax audit --stops`."""
 
-from typing import Any
+from typing import Required, TypedDict
 
 from .._analysis._analyze import analyze
 from .._analysis._outputs import plain
@@ -10,12 +10,32 @@ from .._models._repair_page import wrapped
 from .._solve._solve import solve
 from .._system._contact import Contact
 from .._system._state import State
+from .._tools._json import JSON
 
 _MOST = 8  # stops named
 
 
-def stops_of(model: Model, state: State) -> dict[str, Any]:
-    """As plain data: redundancy and freedom with the stops that are closed, and what each does, by the joint's end."""
+class Stop(TypedDict):
+    """What a stop does, and what it bears: a force or a moment, and whether that is unique."""
+
+    does: str
+    load: JSON
+    kind: str
+    unique: bool
+
+
+class Stops(TypedDict, total=False):
+    """Redundancy and freedom with the stops that are closed, and what is wrong of them, where there are some; and each
+    by the joint's end."""
+
+    redundancy: int
+    freedom: int
+    problem: str
+    stops: Required[dict[str, Stop]]
+
+
+def stops_of(model: Model, state: State) -> Stops:
+    """As plain data."""
     mechanism = model.stopped
     names = mechanism.names
     if not names.one_sided:
@@ -39,16 +59,17 @@ def stops_of(model: Model, state: State) -> dict[str, Any]:
     }
 
 
-def stops_page(found: dict[str, Any]) -> list[str]:
+def stops_page(found: Stops) -> list[str]:
     """The same in lines."""
     stops = found["stops"]
     if not stops:
         return ["Stops: the file limits no hinge and no slide."]
-    if found["problem"]:
-        return [f"Stops: {found['problem']}"]
+    if problem := found.get("problem"):
+        return [f"Stops: {problem}"]
     by_word = {word: [name for name, stop in stops.items() if stop["does"] == word] for word in Contact}
     lines = wrapped(
-        f"With joint limits as stops, at rest and let go: {found['redundancy']} redundant, {found['freedom']} free; "
+        f"With joint limits as stops, at rest and let go: {found.get('redundancy')} redundant, {found.get('freedom')} "
+        "free; "
         f"{len(by_word[Contact.open])} of {len(stops)} stops are open.",
         subsequent_indent="  ",
     )

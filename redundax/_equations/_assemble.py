@@ -5,15 +5,14 @@
 `_closing` says how both are found, and `_dense_closing` and `_sparse_closing` where it begins.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._system._contact import rows_that_hold
 from .._system._names import ByName, Names, index_of, vector
@@ -88,7 +87,7 @@ def assemble(
     """
     check_system(system)
     n = len(system.coordinates)
-    positions, rates = dict(positions or {}), dict(_without_prime("rates", rates or {}))
+    positions, rates = dict(positions or {}), _without_prime("rates", rates or {})
     q = system.reference if q is None else q
     if isinstance(q, Mapping) and len(system.names.centres):
         raise RedundaxError(
@@ -96,7 +95,12 @@ def assemble(
             "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
         )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q, "q")
-    qd, t = vector("qd", _without_prime("qd", qd), system.coordinates, " of coordinates"), as_float(t, "t")
+    qd, t = (
+        vector(
+            "qd", _without_prime("qd", qd) if isinstance(qd, Mapping) else qd, system.coordinates, " of coordinates"
+        ),
+        as_float(t, "t"),
+    )
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = xp.result_type(q, qd, *own), given_axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
@@ -144,7 +148,11 @@ def assemble(
 
 @computed
 def _rows_that_hold(
-    names: Names, system: AbstractSystem, run: Any, given: tuple, closed: Sequence[str]
+    names: Names,
+    system: AbstractSystem,
+    run: Callable[..., tuple[State, Misfit, Misfit]],
+    given: tuple,
+    closed: Sequence[str],
 ) -> tuple[Bool[Array, " m"], Bool[Array, " m"]]:
     """The rows that hold the position, all but contacts with a gap at the guess that stay open; and those that hold the
     velocity. No derivatives."""
@@ -177,10 +185,8 @@ def _checked(closed: Sequence[str], contacts: tuple[str, ...]) -> Sequence[str]:
     return [closed] if isinstance(closed, str) else closed
 
 
-def _without_prime(argument: str, given: Any) -> Any:
+def _without_prime(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """Rates by the names of coordinates, as they are given or with the prime that results have."""
-    if not isinstance(given, Mapping):
-        return given
     names = [str(name).removesuffix("'") for name in given]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -208,7 +214,7 @@ def _assembled(
 
 
 @with_derivative_of(_assembled, failed=lambda found: found[1].refused)
-def _assembled_each(*arguments: Any) -> tuple[State, Misfit, Misfit]:
+def _assembled_each(*arguments: PyTree) -> tuple[State, Misfit, Misfit]:
     return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
 
 

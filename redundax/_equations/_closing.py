@@ -14,7 +14,7 @@ rounding of the points constrains.
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -23,7 +23,7 @@ from .._system._axis import Axis, join
 from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import custom_jvp, fori_loop, known, stop_gradient, take, xp
+from .._tools._numbers import Numeric, custom_jvp, fori_loop, known, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._kinematics import AlongMotion
 from ._misfit import Misfit, misfit_of, tolerance
@@ -136,7 +136,7 @@ def _closed(closing: AbstractClosing) -> _Closed:
     """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
     d = closing.start()
 
-    def polished(_: Any, carry: _Closed) -> _Closed:
+    def polished(_: Numeric, carry: _Closed) -> _Closed:
         inverse = closing.inverse(carry.d)
         step = -inverse(closing.residual(carry.d))
         return _Closed(carry.d + step, xp.max(xp.abs(step)), xp.minimum(carry.weakest, inverse.kept))

@@ -18,6 +18,7 @@ from .._tools._module import is_concrete
 from ._factorisation import Factorisation, factorised
 from ._gaps import overlaps
 from ._kinematics import along_motion, explicit_gamma, slip_motion
+from ._response import AbstractSolvedFactorisation
 
 Out = TypeVar("Out", bound=Any)
 _NEAREST = 3  # contacts, at most, that are named where a motion ends
@@ -28,7 +29,7 @@ def thrown(
     throw: bool | None,
     system: AbstractSystem,
     state: State,
-    factor: Any,
+    factor: AbstractSolvedFactorisation | None,
     *good: RESULTS,
     end: Array | None = None,
 ) -> Out:
@@ -56,7 +57,7 @@ def thrown(
     return out
 
 
-def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS) -> str:
+def culprits(system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation | None, result: RESULTS) -> str:
     """A sentence with the names, on concrete values, or nothing where names do not help or nothing is factorised."""
     if factor is None:
         return ""

@@ -4,7 +4,7 @@ Levenberg-Marquardt finds where Newton steps begin. In space d turns a body by l
 about the position that the one before found, take it farther, and Newton steps finish from there.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import fori_loop, of_model, stop_gradient, take, while_loop, xp
+from .._tools._numbers import Numeric, fori_loop, of_model, stop_gradient, take, while_loop, xp
 from ._closing import AbstractClosing, Along, beside, with_own
 from ._kinematics import model_at
 from ._pseudoinverse import DensePseudoinverse, dense_pseudoinverse
@@ -26,7 +26,7 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e20  # less leaves redundant rows no fac
 
 
 @of_model
-def closing_at(system: AbstractSystem, q: Array, d: Array, t: Array) -> tuple[Array, Array, Array]:
+def closing_at(system: AbstractSystem, q: Numeric, d: Numeric, t: Numeric) -> tuple[Numeric, Numeric, Numeric]:
     """q [+] d, and there Phi and all coordinates that can be given, with their slopes by d."""
     none = jnp.zeros(len(system.coordinates), q.dtype)
 
@@ -62,7 +62,7 @@ class DenseClosing(AbstractClosing):
         if self.system.adds:
             return self
 
-        def moved(_: Any, q: Array) -> Array:
+        def moved(_: Numeric, q: Array) -> Array:
             guess = replace_fields(self.guess, q=q)
             still = stop_gradient(self.of(self.system, guess, self.held, self.positions))
             return replace_fields(still, guess=guess).moved(_descent(still))  # whose derivative is that of q

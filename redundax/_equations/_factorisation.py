@@ -17,7 +17,7 @@ number is that of K, not its square. One step of iterative refinement follows, w
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
@@ -39,13 +39,15 @@ from ._scaled_equations import reached_by, refined, residual_of
 from ._scaled_kinematics import scaled_kinematics
 from ._scaling import Scaling, largest_violation
 
+T = TypeVar("T")
 
-def _asked(method: Callable[["Factorisation"], Any]) -> Callable[["Factorisation"], Any]:
+
+def _asked(method: Callable[["Factorisation"], T]) -> Callable[["Factorisation"], T]:
     """What users ask of a factorisation that they hold, in arrays of JAX, is computed as on numbers."""
     outside = computed(method)
 
     @functools.wraps(method)
-    def run(self: "Factorisation") -> Any:
+    def run(self: "Factorisation") -> T:
         return (method if is_number(self.gamma) else outside)(self)
 
     return run

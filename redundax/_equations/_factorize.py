@@ -11,7 +11,7 @@ gradient. Rows of velocity have neither: with such rows a singular position is r
 
 import functools
 import operator
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -87,7 +87,7 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
 
 
 def factorisation_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: AbstractSolvedFactorisation | None
 ) -> AbstractSolvedFactorisation:
     """The factorisation that is there already, or a new one."""
     if factor is None:
@@ -112,7 +112,7 @@ def factorisation_at(
 
 
 def dense_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: AbstractSolvedFactorisation | None
 ) -> tuple[AbstractSystem, Factorisation]:
     """A system with dense matrices, and its factorisation, that is there already or a new one."""
     check_system_at(system, state)

@@ -13,16 +13,16 @@ polarisation gives it.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import of_model
+from .._tools._numbers import Numeric, of_model
 
 _GAUSS_NEWTON = 6  # steps, whose error is squared each time from a turn of a radian on
 
@@ -96,8 +96,8 @@ def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
 
 @of_model
 def second_derivative(
-    system: AbstractSystem, state: State, rate: Float[Array, " n"], time: Array
-) -> Float[Array, " m"]:
+    system: AbstractSystem, state: State, rate: Float[Numeric, " n"], time: Numeric
+) -> Float[Numeric, " m"]:
     """Phi'' along a constant rate, and t' = time."""
     return -_along(system, state, rate, time).gamma
 
@@ -141,7 +141,7 @@ def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> Al
 def _second(
     system: AbstractSystem,
     value: Callable[[Array, Array], Array],
-    value_at: Callable[[Any, Array], Array],
+    value_at: Callable[[PyTree, Array], Array],
     state: State,
     rate: Array,
     time: Array,
@@ -168,8 +168,8 @@ def _second(
 
 @of_model
 def change_of_jacobian(
-    system: AbstractSystem, state: State, direction: Float[Array, " n"], time: Array
-) -> Float[Array, "m n"]:
+    system: AbstractSystem, state: State, direction: Float[Numeric, " n"], time: Numeric
+) -> Float[Numeric, "m n"]:
     """Derivative of Phi_q as the position moves along a direction, and t at the rate `time`.
 
     Up to combinations of its columns where coordinates do not add, which no self-stress sees.
@@ -235,7 +235,7 @@ def displacement(
 
 
 @of_model
-def between(system: AbstractSystem, first: State, second: State, s: Float[Array, ""]) -> State:
+def between(system: AbstractSystem, first: State, second: State, s: Float[Numeric, ""]) -> State:
     """The state at the fraction s of the way: displacement cubic in time, or linear between states of one time;
     internal states linear."""
     span = second.t - first.t
@@ -254,7 +254,7 @@ def between(system: AbstractSystem, first: State, second: State, s: Float[Array,
 
 
 @of_model
-def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
+def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Numeric, " p"], Float[Numeric, "n p"]]:
     """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
     path = system.path(state.q, state.qd)
     if path is not None:
@@ -293,7 +293,7 @@ def slip_force(system: AbstractSystem, state: State, tau: Float[Array, " p"]) ->
 
 
 @of_model
-def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
+def slip_gamma(system: AbstractSystem, state: State) -> Float[Numeric, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
     return _second(
         system,

@@ -5,7 +5,7 @@ of the program, a function that is registered there for each kind.
 """
 
 import abc
-from typing import Any, NoReturn, TypeVar
+from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -23,11 +23,12 @@ from ._sparse_closing import SparseClosing
 from ._sparse_factorisation import SparseFactorisation, sparse_factorised
 
 T = TypeVar("T")
+F = TypeVar("F", bound=AbstractSolvedFactorisation)
 # Tolerance of friction by sparse matrices, in roundings: what their solutions leave of each other.
 _ROUNDINGS = 1e4
 
 
-class AbstractMatrices(abc.ABC):
+class AbstractMatrices(abc.ABC, Generic[F]):
     """How a system is assembled, factorised and run.
 
     - `closing`: the position problem.
@@ -48,15 +49,15 @@ class AbstractMatrices(abc.ABC):
         """Of two ways to run a function the one that is for these."""
 
     @abc.abstractmethod
-    def factorised(self, system: AbstractSystem, state: State, rank: ArrayLike | None) -> AbstractSolvedFactorisation:
+    def factorised(self, system: AbstractSystem, state: State, rank: ArrayLike | None) -> F:
         """The equations at a state, singular or not."""
 
     @abc.abstractmethod
-    def is_singular(self, system: AbstractSystem, state: State, factor: Any) -> bool:
+    def is_singular(self, system: AbstractSystem, state: State, factor: F) -> bool:
         """Whether the mass matrix at a state is known to be singular."""
 
     @abc.abstractmethod
-    def redundancy(self, factor: Any) -> int | None:
+    def redundancy(self, factor: F) -> int | None:
         """How many rows are redundant, where programs have that many columns for them."""
 
     @abc.abstractmethod
@@ -64,7 +65,7 @@ class AbstractMatrices(abc.ABC):
         """Refuse what only dense matrices answer."""
 
 
-class DenseMatrices(AbstractMatrices):
+class DenseMatrices(AbstractMatrices[Factorisation]):
     """Matrices of all rows and coordinates."""
 
     closing, on_numbers, has_freedoms, rtol, unsettled = DenseClosing, True, True, None, None
@@ -87,7 +88,7 @@ class DenseMatrices(AbstractMatrices):
         return
 
 
-class SparseMatrices(AbstractMatrices):
+class SparseMatrices(AbstractMatrices[SparseFactorisation]):
     """Matrices by the bodies of joints, whose cost is that of joints."""
 
     closing, on_numbers, has_freedoms, unsettled = SparseClosing, False, False, RESULTS.ambiguous_closure

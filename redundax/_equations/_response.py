@@ -208,6 +208,20 @@ class AbstractSolvedFactorisation(AbstractFactorisation[Decision]):
 
     @property
     @abc.abstractmethod
+    def local(self) -> Int[Array, ""] | int:
+        """Number of self-stress states that are there at this position only."""
+
+    @property
+    @abc.abstractmethod
+    def unique_multipliers(self) -> Bool[Array, " m"]:
+        """Which multipliers are unique without friction."""
+
+    @abc.abstractmethod
+    def contradicting(self, gamma: Float[Array, " m"]) -> Float[Array, " m"]:
+        """The part of gamma that no acceleration has."""
+
+    @property
+    @abc.abstractmethod
     def lost_digits(self) -> Float[Array, ""]:
         """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
 

@@ -9,8 +9,9 @@ depends on them.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
+import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
@@ -93,7 +94,7 @@ def _length(system: AbstractSystem, model: Model) -> Float[Array, ""]:
         bends = radius <= _CURVED * usual if system.names.one_sided else xp.isfinite(radius)
         return xp.where(bends, radius, usual) / radian
 
-    def parts(rows: Any) -> tuple[Array, Array]:
+    def parts(rows: np.ndarray) -> tuple[Array, Array]:
         return xp.sum(square[rows][:, ~angular]), xp.sum(square[rows][:, angular])
 
     mass = xp.diagonal(model.mass)
@@ -101,7 +102,10 @@ def _length(system: AbstractSystem, model: Model) -> Float[Array, ""]:
 
 
 def length_of(
-    system: AbstractSystem, parts: Callable[[Any], tuple[Array, ...]], turned: Array, amounts: tuple[Array, Array]
+    system: AbstractSystem,
+    parts: Callable[[np.ndarray], tuple[Array, ...]],
+    turned: Array,
+    amounts: tuple[Array, Array],
 ) -> Float[Array, ""]:
     """A length of the mechanism: how far angular coordinates move force-type rows.
 

@@ -6,7 +6,7 @@ them, and what was off at the guess tells more.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import SupportsIndex
 
 import numpy as np
 from jaxtyping import Array
@@ -14,6 +14,7 @@ from jaxtyping import Array
 from .._system._names import Names
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
+from .._tools._numbers import Numeric
 from ._misfit import Misfit
 
 _CONTRADICTING = 3  # rows at most that are told to contradict each other
@@ -84,7 +85,7 @@ class _Rows:
         }
         self.angular = (*names.rows.angular.tolist(), *(coordinates[name] for name in given))
 
-    def off(self, k: Any, size: Any, *, where: bool = False) -> str:
+    def off(self, k: SupportsIndex, size: Numeric, *, where: bool = False) -> str:
         """By how much a row is off, as in "B.x by 0.02 m"; and between which bodies."""
         unit = self.names.units.of("angular" if self.angular[k] else "linear", self.rates)
         bodies = self.names.bodies_at(self.labels[k]) if where else ()

@@ -12,11 +12,12 @@ asks. The others close loops.
 import pathlib
 from collections.abc import Callable, Iterator
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .._tools._errors import RedundaxError
+from .._tools._numbers import Numeric
 from .._tools._words import short
 from ._assembly import NOWHERE, Frame, Held
 from ._content import not_in_utf8
@@ -253,7 +254,7 @@ class _Reader(AbstractReader):
         )
         return held._replace(i=i, j=j, value=value)
 
-    def _motions(self) -> list[tuple[str, str, str, Callable[[Any], Any]]]:
+    def _motions(self) -> list[tuple[str, str, str, Callable[[Numeric], Numeric]]]:
         """Name, joint, coordinate and law of each motion."""
         found = []
         for node in self._only(self._only(self._root, "ConstraintSets"), "Motions").inner:
@@ -379,7 +380,7 @@ def _texts(node: Node, word: str) -> Iterator[str]:
         yield from _texts(each, word)
 
 
-def _reversed(law: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _reversed(law: Callable[[Numeric], Numeric]) -> Callable[[Numeric], Numeric]:
     return lambda t: -law(t)
 
 

@@ -9,7 +9,7 @@ Rows of different dependent groups have no entry of P in common. Each position i
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array
@@ -20,8 +20,9 @@ from .._equations._rank import Spectrum, Split, split
 from .._equations._scaled_kinematics import ScaledKinematics, scaled_kinematics
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._json import JSON
 from .._tools._module import replace_fields
-from .._tools._numbers import computed, xp
+from .._tools._numbers import Numeric, computed, xp
 from ._choice import Repair
 from ._drives import Drives
 from ._stress import Along
@@ -170,9 +171,9 @@ class Audit:
         regular = [look for look in looks if not look.is_singular]
         return all(look.is_decided for look in looks) and bool(regular) and len({each.figures for each in regular}) == 1
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """All of it as data."""
-        looks = [
+        looks: list[JSON] = [
             {
                 "rank": look.rank,
                 "redundancy": look.redundancy,
@@ -184,7 +185,7 @@ class Audit:
             }
             for look in (self.here, *self.others)
         ]
-        groups = [
+        groups: list[JSON] = [
             {
                 "redundancy": group.redundancy,
                 "rows": list(group.rows),
@@ -217,7 +218,7 @@ class Audit:
         }
 
 
-def _part_as_dict(part: Part) -> dict[str, Any]:
+def _part_as_dict(part: Part) -> dict[str, JSON]:
     return {
         "kind": part.kind,
         "unique_dimensions": {"force": part.force, "moment": part.moment},
@@ -257,7 +258,7 @@ class _Decided(NamedTuple):
     probe: Array
 
 
-def _decided(at: ScaledKinematics, state: State, rank: Any) -> _Decided:
+def _decided(at: ScaledKinematics, state: State, rank: Numeric | None) -> _Decided:
     parts, spectrum = split(at.scaled, at.position, rank)
     motion = at.moving(state, xp.zeros_like(state.qd), xp.zeros_like(at.position))
     return _Decided(spectrum, spectrum.ambiguous, parts, motion, probe(motion, parts, at.scales))

@@ -1,15 +1,15 @@
 """An audit as text, for somebody who has never heard of redundancy: the verdict, what to do, then the figures."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import TypedDict
 
 import numpy as np
 
 from .._tools._table import WIDTH
 from ._audit import Audit, Look, Part
 from ._choice import listed, series, vector
-from ._description import WITHOUT
+from ._description import missing_of
 from ._drives import Drives
 from ._repair_page import VECTOR, Lines, all_releases, kept_together, mended, told_alike, wrapped
 from ._travel import Travel
@@ -28,9 +28,36 @@ _SIDEWAYS = "a sideways load, along "
 _SPAN = 1e-6  # of directions of loads that are not unique
 
 
+class About(TypedDict):
+    """What there is to be said of a file.
+
+    - `joints`, `loops`: names by kinds; `position`: in words, and `keyframe`, where it is one of the `keyframes`.
+    - `misfit_in_file`, `misfit`: of its loops as the file has them, and as they were closed, m or rad.
+    - `moved`: by how much joints were moved for that, by their names; `found_at_random`: whether not from there.
+    - `outside_limits`: joints beyond their limits.
+    - `whole`: whether all that constrains is taken over; `left_out`: what is not, a line each.
+    - `soft`: whether the program of the file makes springs of loops.
+    """
+
+    bodies: int
+    joints: dict[str, list[str]]
+    loops: dict[str, list[str]]
+    position: str
+    keyframe: str | None
+    keyframes: list[str]
+    misfit_in_file: float
+    misfit: float
+    moved: dict[str, float]
+    found_at_random: bool
+    outside_limits: list[dict[str, str | float]]
+    whole: bool
+    left_out: list[str]
+    soft: bool
+
+
 def audit_page(
     found: Audit,
-    about: Mapping[str, Any],
+    about: About | None,
     *,
     lines: Lines,
     language: str = "",
@@ -44,7 +71,7 @@ def audit_page(
     - `about`: what is to be said of the file; `language`: its kind; `lines`: what to write in it, by rows freed.
     - `allowed`: redundancy that is no fault; `everything`: all releases that were found, too.
     """
-    first, where = [*_verdict(found, about, allowed, everything)], about.get("position", "the state given")
+    first, where = [*_verdict(found, about, allowed, everything)], about["position"] if about else "the state given"
     if not found.is_stuck:
         first += [
             *_positions(found, where),
@@ -60,9 +87,9 @@ def audit_page(
     return "\n\n".join(each for each in text if each)
 
 
-def _verdict(found: Audit, about: Mapping[str, Any], allowed: int, everything: bool) -> Iterator[str]:
+def _verdict(found: Audit, about: About | None, allowed: int, everything: bool) -> Iterator[str]:
     redundancy = found.figures[0]
-    missing = [note.partition(" is left out")[0] for note in about.get("left_out", ()) if note.endswith(WITHOUT)]
+    missing = missing_of(about["left_out"]) if about else []
     if found.is_stuck:
         yield (
             "UNDECIDED: in this file the mechanism is at a dead point, and cannot be moved away from it. Nothing found "
@@ -89,7 +116,7 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int, everything: b
         )
     elif missing:
         yield "Nothing is redundant in what was read, which does not say that nothing is."
-    elif about and not about.get("loops"):
+    elif about and not about["loops"]:
         yield "NOT REDUNDANT: no loops (no connect, weld or joint equality was found), so there is nothing to check."
     else:
         yield "NOT REDUNDANT: no constraint repeats others. Every joint load of this model is unique."

@@ -6,14 +6,17 @@ The reference pose is that of the description, where all joints are closed.
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, TypeGuard
+from typing import NamedTuple, TypedDict, TypeGuard
 
 import numpy as np
+from jaxtyping import Array
 from numpy.polynomial import Polynomial
 
 from .._bodies._body import GROUND
 from .._bodies._coupler import Coupler, Stop
 from .._bodies._friction_model import ConstantFriction
+from .._bodies._joints import AbstractJoint
+from .._bodies._loads import AbstractLoad
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
 from .._bodies._space._joints._distance import Cable, Distance, Span
@@ -38,6 +41,7 @@ from .._bodies._space._joints._universal import Universal
 from .._bodies._space._loads._applied import AppliedForce
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
+from .._bodies._speed_driver import SpeedDriver
 from .._system._names import index_of
 from .._system._units import ready_units
 from .._tools._errors import RedundaxError
@@ -47,7 +51,7 @@ from ._kinds import coordinates_of
 from ._loop_rows import ROLLED, count_of, teeth_of
 from ._tree import Tree
 
-_KINDS: dict[str, Callable[..., Any]] = {
+_KINDS: dict[str, Callable[..., AbstractJoint]] = {
     "hinge": Revolute,
     "slide": Prismatic,
     "ball": Spherical,
@@ -65,26 +69,55 @@ _KINDS: dict[str, Callable[..., Any]] = {
 }
 
 
+class Added(NamedTuple):
+    """Parts that a file does not have."""
+
+    joints: Sequence[AbstractJoint] = ()
+    couplers: Sequence[Coupler | Stop | SpeedDriver] = ()
+    loads: Sequence[AbstractLoad] = ()
+
+
+class _Held(TypedDict):
+    """What constructors of joints between two ends take."""
+
+    name: str
+    i: str
+    j: str
+    on_i: Placement
+    on_j: Placement
+
+
+class _Apart(TypedDict):
+    """What constructors of distances take."""
+
+    name: str
+    i: str
+    j: str
+    on_i: Array
+    on_j: Array
+    distance: float
+
+
 def mechanism_of(
     described: Description,
     *,
     driven: bool = False,
     stopped: bool = False,
-    added: Mapping[str, Sequence[Any]] = MappingProxyType({}),
-    rubbing: Mapping[str, Any] = MappingProxyType({}),
+    added: Added = Added(),  # noqa: B008 (it is frozen)
+    rubbing: Mapping[str, object] = MappingProxyType({}),
 ) -> tuple[Mechanism, list[str]]:
     """The mechanism, with or without the file's motions by laws of time and the limits of its joints as stops, with
-    `added` "joints", "couplers" and "loads", and joints that are `rubbing` as arguments of their constructors say; and
+    parts that are `added`, and joints that are `rubbing` as arguments of their constructors say; and
     what of its joints is left out, a line each."""
-    bodies: dict[str, Any] = {body.name: body for body in bodies_of(described)}
+    bodies = {body.name: body for body in bodies_of(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
     for number, point, force in described.lifts:
         body = described.bodies[number]
         loads.append(AppliedForce(body.name, force, on_i=body.axes.T @ (point - body.position)))
-    _check_rubbing(described, rubbing)
-    joints = [_joint(described, joint, rubbing.get(joint.name)) for joint in described.joints]
-    joints += [_loop(described, loop, rubbing.get(loop.name, {})) for loop in described.loops]
-    couplers: list[Any] = [
+    rubs = _checked_rubbing(described, rubbing)
+    joints: list[AbstractJoint] = [_joint(described, joint, rubs.get(joint.name)) for joint in described.joints]
+    joints += [_loop(described, loop, rubs.get(loop.name, {})) for loop in described.loops]
+    couplers: list[Coupler | Stop | SpeedDriver] = [
         Coupler(tie.name, _sum(described, tie.first), _sum(described, tie.second), polynomial=_counted(tie))
         for tie in described.ties
         if tie.second
@@ -102,10 +135,16 @@ def mechanism_of(
     ]
     if weightless:
         notes.append(f"bodies without mass in the file: {', '.join(weightless)}; what they carry is found all the same")
-    parts: dict[str, list[Any]] = {"joints": joints, "couplers": couplers, "loads": loads}
-    parts = {kind: [*parts[kind], *added.get(kind, ())] for kind in parts}
-    own: dict[str, Any] = {"armature": armature(described), "gravity": described.gravity, "units": ready_units("SI")}
-    return Mechanism(list(bodies.values()), **parts, **own), notes
+    mechanism = Mechanism(
+        list(bodies.values()),
+        [*joints, *added.joints],
+        couplers=[*couplers, *added.couplers],
+        loads=[*loads, *added.loads],
+        armature=armature(described),
+        gravity=described.gravity,
+        units=ready_units("SI"),
+    )
+    return mechanism, notes
 
 
 def _is_span(term: int | Loop, tie: Tie) -> TypeGuard[Loop]:
@@ -171,8 +210,7 @@ def placed(described: Description, end: End) -> Placement:
     return Placement(body.axes.T @ (end.point - body.position), axes[:, 2], axes[:, 0])
 
 
-def _held(described: Description, name: str, i: End, j: End) -> dict[str, Any]:
-    """What constructors of joints between two ends take."""
+def _held(described: Description, name: str, i: End, j: End) -> _Held:
     return {
         "name": name,
         "i": described.body(i).name,
@@ -182,16 +220,16 @@ def _held(described: Description, name: str, i: End, j: End) -> dict[str, Any]:
     }
 
 
-def _joint(described: Description, joint: Joint, given: Mapping[str, Any] | None) -> Any:
+def _joint(described: Description, joint: Joint, given: Mapping[str, object] | None) -> AbstractJoint:
     if joint.kind == "free":
         return Free(joint.name, described.child(joint), described.parent(joint))
-    rubs: dict[str, Any] = {"friction": ConstantFriction(joint.friction)} if joint.friction else {}
+    rubs: dict[str, object] = {"friction": ConstantFriction(joint.friction)} if joint.friction else {}
     if rubs and joint.kind == "hinge":  # no load changes it: its moment is the force at a radius of 1 m
         rubs["pin_radius"] = 1.0
     return _pair(_held(described, joint.name, joint.child, joint.parent), joint.kind, rubs if given is None else given)
 
 
-def _pair(held: dict[str, Any], kind: str, rubs: Mapping[str, Any]) -> Any:
+def _pair(held: _Held, kind: str, rubs: Mapping[str, object]) -> AbstractJoint:
     try:
         return _KINDS[kind](**held, **rubs)
     except TypeError as error:
@@ -201,10 +239,12 @@ def _pair(held: dict[str, Any], kind: str, rubs: Mapping[str, Any]) -> Any:
         ) from error
 
 
-def _check_rubbing(described: Description, rubbing: Any) -> None:
-    """Refuse what is not by the names of joints that can rub."""
+def _checked_rubbing(described: Description, rubbing: Mapping[str, object]) -> dict[str, Mapping[str, object]]:
+    """The arguments of joints that rub; refused where they are not by the names of joints that can."""
     kinds = {each.name: each.kind for each in (*described.joints, *described.loops)}
-    if not isinstance(rubbing, Mapping) or not all(isinstance(given, Mapping) for given in rubbing.values()):
+    parts = rubbing if isinstance(rubbing, Mapping) else {}
+    found = {name: given for name, given in parts.items() if isinstance(given, Mapping)}
+    if not isinstance(rubbing, Mapping) or len(found) < len(parts):
         raise RedundaxError(
             f"Argument `friction` must hold arguments of joints by their names, but is {rubbing!r}. Write "
             '{"guide": {"friction": rx.Coulomb(0.1), "guide_length": 0.08}}, say.'
@@ -215,9 +255,10 @@ def _check_rubbing(described: Description, rubbing: Any) -> None:
             raise RedundaxError(
                 f"Argument `friction` must name joints that can rub, but '{name}' is a {kinds[name]}. Leave it out."
             )
+    return found
 
 
-def _loop(described: Description, loop: Loop, rubs: Mapping[str, Any]) -> Any:
+def _loop(described: Description, loop: Loop, rubs: Mapping[str, object]) -> AbstractJoint:
     first = loop.first
     if loop.kind == "distance joint":
         return Distance(**_apart(described, loop.name, loop))
@@ -233,13 +274,13 @@ def _loop(described: Description, loop: Loop, rubs: Mapping[str, Any]) -> Any:
     return _pair(_held(described, loop.name, loop.second, first), loop.kind, rubs)
 
 
-def _apart(described: Description, name: str, loop: Loop) -> dict[str, Any]:
-    """What constructors of distances take."""
+def _apart(described: Description, name: str, loop: Loop) -> _Apart:
     held = _held(described, name, loop.second, loop.first)
-    return held | {on: held[on].point for on in ("on_i", "on_j")} | {"distance": loop.value}
+    on_i, on_j = held["on_i"].point, held["on_j"].point
+    return {"name": name, "i": held["i"], "j": held["j"], "on_i": on_i, "on_j": on_j, "distance": loop.value}
 
 
-def _motion(described: Description, motor: Motor) -> Any:
+def _motion(described: Description, motor: Motor) -> AngleDriver | TravelDriver:
     """What moves a joint by its law of time."""
     joint = described.joints[motor.joint]
     held = _held(described, motor.name, joint.child, joint.parent)
@@ -264,7 +305,7 @@ def _stops(described: Description) -> Iterator[Stop]:
             yield Stop(f"stop of {part.name}", f"{part.name}.{coordinates_of(part.kind)[0]}", **given)
 
 
-def _lock(described: Description, tie: Tie) -> Any:
+def _lock(described: Description, tie: Tie) -> AbstractJoint:
     """What holds a hinge, a slide or a distance at a displacement."""
     term, at = tie.first[0][0], float(tie.polynomial[0])
     if isinstance(term, Loop):

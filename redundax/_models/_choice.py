@@ -3,10 +3,10 @@
 import dataclasses
 import re
 from collections.abc import Container, Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
+from .._tools._json import JSON
 from ._description import Joint
 from ._edit import Edit
 from ._kinds import KINDS
@@ -63,7 +63,7 @@ class Repair:
     rest: tuple[str, ...]
     sayable: tuple[tuple[str, ...], ...]
 
-    def to_dict(self, directions: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    def to_dict(self, directions: Mapping[str, np.ndarray]) -> dict[str, JSON]:
         """As data."""
         return {
             "redundancy": self.redundancy,

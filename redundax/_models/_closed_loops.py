@@ -13,12 +13,17 @@ import difflib
 import pathlib
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from .._tools._words import did_you_mean, short
 from ._content import document, not_in_utf8, refusal
+from ._mujoco_types import MujocoSpec, SpecBody
+
+if TYPE_CHECKING:
+    import yaml
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
@@ -28,7 +33,7 @@ _MOST = 8  # names that a message lists
 _ALIKE = 0.75  # of words, one of which is a slip for the other
 
 
-def add_closed_loops(spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
+def add_closed_loops(spec: MujocoSpec, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     what of it is not read, and which joints are driven that there are not."""
     mujoco, loops, refuse = (
@@ -65,7 +70,7 @@ def add_closed_loops(spec: Any, path: pathlib.Path, closures: pathlib.Path) -> l
     return [*unread, *add_drives(spec, driven)]
 
 
-def add_drives(spec: Any, names: list[str]) -> list[str]:
+def add_drives(spec: MujocoSpec, names: list[str]) -> list[str]:
     """Drive joints by name, and say which of them are not there."""
     mujoco = optional("mujoco", "models")
     for name in names:
@@ -80,7 +85,7 @@ def transmissions(path: pathlib.Path) -> list[str]:
     return list(dict.fromkeys(joint.get("name", "") for joint in joints))
 
 
-def loops_in(closures: pathlib.Path) -> dict[str, Any]:
+def loops_in(closures: pathlib.Path) -> dict[str, object]:
     """What a file of loops holds."""
     yaml, refuse = optional("yaml", "models"), partial(refusal, closures, argument="closures")
     if not closures.is_file():  # to read what is a pipe or a device may last for ever
@@ -92,7 +97,7 @@ def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     if len(content) > _LARGEST:
         raise refuse(f"has {len(content) / 1e6:.0f} MB, too much for loops. Name the file of the loops")
     try:
-        _check_events(yaml.parse(content, Loader=yaml.SafeLoader), yaml, refuse)
+        _check_events(yaml.parse(content, Loader=yaml.SafeLoader), refuse)
         loops = yaml.safe_load(content)
     except RedundaxError:
         raise
@@ -119,8 +124,10 @@ def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     return loops
 
 
-def _check_events(events: Iterable[Any], yaml: Any, refuse: Callable[[str], RedundaxError]) -> None:
+def _check_events(events: "Iterable[yaml.Event]", refuse: Callable[[str], RedundaxError]) -> None:
     """Refuse what grows when it is read, is nested for ever, or is said twice, of which the first would be lost."""
+    import yaml
+
     depth, items, keys = 0, 0, []
     for event in events:
         if isinstance(event, yaml.AliasEvent):
@@ -137,14 +144,20 @@ def _check_events(events: Iterable[Any], yaml: Any, refuse: Callable[[str], Redu
         raise refuse(f"has the key `{twice}` twice. Put all in one list")
 
 
-def _list(loops: dict[str, Any], key: str, refuse: Callable[[str], RedundaxError]) -> list[Any]:
+def list_under(loops: dict[str, object], key: str) -> list[object]:
+    """What a file of loops has under a key, where it is a list."""
+    found = loops.get(key)
+    return found if isinstance(found, list) else []
+
+
+def _list(loops: dict[str, object], key: str, refuse: Callable[[str], RedundaxError]) -> list[object]:
     value = loops.get(key)
     if value is not None and not isinstance(value, list):
         raise refuse(f"must hold a list under `{key}`, but holds {short(value)}. Put it in brackets")
     return value or []
 
 
-def _names(key: str, values: list[Any], refuse: Callable[[str], RedundaxError]) -> list[str]:
+def _names(key: str, values: list[object], refuse: Callable[[str], RedundaxError]) -> list[str]:
     for value in values:
         if not isinstance(value, str | int) or isinstance(value, bool):
             raise refuse(f"must hold names under `{key}`, but holds {short(value)}. Put names in quotes")
@@ -158,7 +171,12 @@ def children(path: pathlib.Path) -> dict[str, str]:
 
 
 def _replace(
-    mujoco: Any, spec: Any, name: str, kind: str, joints: dict[str, str], refuse: Callable[[str], RedundaxError]
+    mujoco: ModuleType,
+    spec: MujocoSpec,
+    name: str,
+    kind: str,
+    joints: dict[str, str],
+    refuse: Callable[[str], RedundaxError],
 ) -> None:
     """Replace a joint by one that is freer."""
     joint, axes = spec.joint(name), kind.removeprefix("UJOINT_")
@@ -179,7 +197,12 @@ def _replace(
 
 
 def _close(
-    mujoco: Any, spec: Any, pair: list[str], kind: str, frames: dict[str, str], refuse: Callable[[str], RedundaxError]
+    mujoco: ModuleType,
+    spec: MujocoSpec,
+    pair: list[str],
+    kind: str,
+    frames: dict[str, str],
+    refuse: Callable[[str], RedundaxError],
 ) -> None:
     carriers = []
     for name in pair:
@@ -199,7 +222,7 @@ def _close(
     equality.name1, equality.name2 = pair
 
 
-def _carrier(body: Any) -> Any:
+def _carrier(body: SpecBody) -> SpecBody:
     """The body with joints that carries a body fixed to it, or the ground."""
     while not list(body.joints) and body.parent is not None and body.name != "world":
         body = body.parent

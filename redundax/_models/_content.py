@@ -2,7 +2,6 @@
 
 import pathlib
 import re
-from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -30,7 +29,7 @@ def numbers_in(text: str | None, count: int, largest: float = np.inf) -> np.ndar
     return found if found.size == count and np.all(np.abs(found) < largest) else None
 
 
-def document(path: pathlib.Path) -> Any:
+def document(path: pathlib.Path) -> ElementTree.Element:
     """The first element of a file of XML; prefixes of names stay as they are written, declared or not."""
     builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end

@@ -7,11 +7,12 @@ ties displacements of joints to each other a `Tie`.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._tools._numbers import Numeric
 from ._kinds import KINDS
 from ._series import Series
 
@@ -106,7 +107,7 @@ class Motor(NamedTuple):
     name: str
     joint: int
     coordinate: int
-    law: Callable[[Any], Any]
+    law: Callable[[Numeric], Numeric]
 
 
 class Place(NamedTuple):
@@ -180,7 +181,7 @@ def drive_rates(joints: Sequence[Joint], coordinates: Sequence[tuple[int, int]])
     return np.eye(starts[-1])[np.array([starts[joint] + coordinate for joint, coordinate in coordinates], int)]
 
 
-def unique(names: list[str], taken: Any) -> list[str]:
+def unique(names: list[str], taken: Container[str]) -> list[str]:
     """The names, with a number after those that occur before."""
     found: list[str] = []
     for name in names:

@@ -7,10 +7,10 @@ every u of the left null space of D N, whose dimension is by how many the drives
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from .._tools._json import JSON
 from ._tree import Tree
 
 _LEAST, _MOST = 1e-9, 1e-3  # rounding of D N, of rows of length 1; misfit above it tells nothing
@@ -36,7 +36,7 @@ class Drives:
     locked: tuple[str, ...] = ()
     turns: tuple[tuple[str, str, float], ...] = ()
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """As data."""
         unique = [name for name in self.names if name not in self.loose]
         return {

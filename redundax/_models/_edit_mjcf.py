@@ -5,7 +5,6 @@ The joint more comes before the one it frees, so that its axis is fixed to the p
 
 import pathlib
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from ._kinds import KINDS, TURNS
 from ._mjcf import specification
 from ._model import Model
 from ._mujoco_model import body_ends
+from ._mujoco_types import MujocoModel
 from ._source import Element, Source, tag_of
 from ._stress import AXES
 
@@ -184,7 +184,7 @@ def _joint(source: Source, model: Model, joint: Joint) -> Element:
     raise RedundaxError(f"The joint '{joint.name}' is not in '{model.path}' itself. Change the file that it includes.")
 
 
-def _same(bodies: Sequence[Element], theirs: Any, body: int) -> list[Element]:
+def _same(bodies: Sequence[Element], theirs: MujocoModel, body: int) -> list[Element]:
     """The element of a body: by name, or by its place where all bodies of the model stand in the file, as named."""
     if name := theirs.body(body).name:
         return [each for each in bodies if each.get("name") == name]

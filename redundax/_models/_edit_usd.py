@@ -7,7 +7,8 @@ import os
 import pathlib
 import tempfile
 from collections.abc import Iterator, Sequence
-from typing import Any, cast
+from types import ModuleType
+from typing import cast
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ._model import Model
 from ._stress import AXES
 from ._usd import TO_Z
 from ._usd_stage import stage_of
+from ._usd_types import UsdPrimSpec
 
 _KINDS = ("cylindrical joint", "ball", "point-on-line joint", "planar joint", "point-on-plane joint", "hinge", "slide")
 _TYPES = {"ball": "PhysicsSphericalJoint"}
@@ -62,7 +64,7 @@ def usd_change(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Chang
     return Changed({file: content}, [_told(model, edit) for edit in edits], note, ("", layer.ExportToString()))
 
 
-def _lock(Sdf: Any, prim: Any, edit: Edit, axis: str) -> None:
+def _lock(Sdf: ModuleType, prim: UsdPrimSpec, edit: Edit, axis: str) -> None:
     """Lock the directions that a joint of a kind holds, and leave the others free."""
     held = {_direction(row, axis) for row in KINDS[edit.kind].rows}
     freed = {_direction(row.rpartition(".")[2], axis) for row in edit.rows}
@@ -81,7 +83,7 @@ def _direction(row: str, axis: str) -> str:
     return f"{('trans', 'rot')[is_turn]}{'XYZ'[TO_Z[axis][column]]}"
 
 
-def _put(Sdf: Any, prim: Any, name: str, value: bool | float) -> None:
+def _put(Sdf: ModuleType, prim: UsdPrimSpec, name: str, value: bool | float) -> None:
     kind = Sdf.ValueTypeNames.Bool if isinstance(value, bool) else Sdf.ValueTypeNames.Float
     Sdf.AttributeSpec(prim, name, kind).default = value
 

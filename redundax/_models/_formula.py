@@ -4,13 +4,12 @@ import ast
 import operator
 import re
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from .._tools._numbers import xp
+from .._tools._numbers import Numeric, xp
 
-_OPERATORS: dict[type, Callable[..., Any]] = {
+_OPERATORS: dict[type, Callable[..., Numeric]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -19,7 +18,7 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
-FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+FUNCTIONS: dict[str, Callable[[Numeric], Numeric]] = {
     "sin": xp.sin,
     "cos": xp.cos,
     "tan": xp.tan,
@@ -38,7 +37,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
 _LONGEST = 2000  # characters
 
 
-def law_of(text: str) -> Callable[[Any], Any] | None:
+def law_of(text: str) -> Callable[[Numeric], Numeric] | None:
     """The function of time of a formula; None of a text that is none. What stands in double quotes is a comment, and
     <n> the end of a line."""
     plain = re.sub(r'"[^"]*"|<n>', " ", text)
@@ -71,7 +70,7 @@ def _is_formula(node: ast.AST) -> bool:
     return False
 
 
-def _value(node: Any, t: Any) -> Any:
+def _value(node: ast.AST, t: Numeric) -> Numeric:
     """Of a node that is of a formula."""
     match node:
         case ast.Constant(value=int() | float() as value):
@@ -82,4 +81,6 @@ def _value(node: Any, t: Any) -> Any:
             return _OPERATORS[type(op)](_value(left, t), _value(right, t))
         case ast.UnaryOp(op=op, operand=operand):
             return _OPERATORS[type(op)](_value(operand, t))
-    return FUNCTIONS[node.func.id](_value(node.args[0], t))
+        case ast.Call(func=ast.Name(id=name), args=[argument]):
+            return FUNCTIONS[name](_value(argument, t))
+    return np.nan

@@ -4,13 +4,15 @@ Of a joint on the ground that turns, armature is an inertia about its axis, whic
 mass matrix stays constant. Of other hinges, balls and slides it is that of the mechanism.
 """
 
-from typing import Any
+from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from .._bodies._body import GROUND
+from .._bodies._loads import AbstractLoad
+from .._bodies._space._body import Body
 from .._bodies._space._loads import Bushing, LoadFunction, TorsionSpring
 from .._bodies._space._placement import Placement
 from .._bodies._space._pose import Motion, Wrench
@@ -18,7 +20,7 @@ from .._bodies._space._rotation import rotation
 from ._description import Description, Joint
 
 
-def joint_loads(described: Description, bodies: dict) -> tuple[list[Any], list[str]]:
+def joint_loads(described: Description, bodies: Mapping[str, Body | str]) -> tuple[list[AbstractLoad], list[str]]:
     """Springs and dampers of joints, and what else acts in them, which is left out, a line each."""
     loads, missing = [], {}
     for joint in described.joints:
@@ -50,7 +52,7 @@ def armature(described: Description) -> dict[str, float]:
     }
 
 
-def _spring(described: Description, bodies: dict, joint: Joint) -> Any:
+def _spring(described: Description, bodies: Mapping[str, Body | str], joint: Joint) -> AbstractLoad | None:
     """The spring with damper of a joint; None where it cannot be said."""
     pair, stiffness, damping = (
         (bodies[described.child(joint)], bodies[described.parent(joint)]),
@@ -63,28 +65,33 @@ def _spring(described: Description, bodies: dict, joint: Joint) -> Any:
         return TorsionSpring(*pair, axis=axis, stiffness=stiffness, free_angle=rest, damping=damping)
     if joint.kind == "slide":
         along = np.diag([0.0, 0.0, 1.0])
-        both: dict[str, Any] = {"translation": stiffness * along, "translation_damping": damping * along}
-        ends = _local(pair[0], point, axis), _local(pair[1], point + rest * axis, axis)
-        return Bushing(described.child(joint), described.parent(joint), on_i=ends[0], on_j=ends[1], **both)
+        return Bushing(
+            described.child(joint),
+            described.parent(joint),
+            on_i=_local(pair[0], point, axis),
+            on_j=_local(pair[1], point + rest * axis, axis),
+            translation=stiffness * along,
+            translation_damping=damping * along,
+        )
     if joint.kind == "ball":
-        own, other = (np.eye(3) if body == GROUND else np.asarray(rotation(body.orientation)) for body in pair)
+        own, other = (np.eye(3) if isinstance(body, str) else np.asarray(rotation(body.orientation)) for body in pair)
         free = other.T @ own @ np.asarray(rotation(joint.rest))
-        given: Any = {"stiffness": stiffness, "damping": damping, "free": free}
+        given = {"stiffness": stiffness, "damping": damping, "free": free}
         return LoadFunction(described.child(joint), function=ball_spring, j=described.parent(joint), parameters=given)
     return None
 
 
-def _local(body: Any, point: np.ndarray, axis: np.ndarray) -> Placement:
+def _local(body: Body | str, point: np.ndarray, axis: np.ndarray) -> Placement:
     """A global placement in the frame of a body at the reference pose."""
     given = Placement(point, axis)
-    if body == GROUND:
+    if isinstance(body, str):
         return given
     turn = np.asarray(rotation(body.orientation)).T
     axes = turn @ np.asarray(given.axes)
     return Placement(turn @ (point - np.asarray(body.position)), axes[:, 2], axes[:, 0])
 
 
-def ball_spring(i: Motion, j: Motion, t: Array, p: Any) -> tuple[Wrench, Wrench]:
+def ball_spring(i: Motion, j: Motion, t: Array, p: Mapping[str, Array]) -> tuple[Wrench, Wrench]:
     """Moment of a ball's spring, the stiffness times the turn from where it is free, and of its damper."""
     turn = p["free"].T @ j.pose.axes.T @ i.pose.axes  # seen in the axes of i
     vector = jnp.stack([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2

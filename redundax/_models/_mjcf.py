@@ -10,7 +10,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ._content import document, not_in_utf8, refusal
 from ._description import WITHOUT, Description, unique
 from ._foreign import known_part
 from ._mujoco_model import LEAST, described
+from ._mujoco_types import MujocoModel, MujocoSpec, SpecBody, SpecGeom
 from ._source import Source
 
 _MOST_BODIES = 20_000  # MuJoCo reads them in 20 s, and four times as many in sixteen times that
@@ -62,7 +63,7 @@ def read_mjcf(path: pathlib.Path) -> Description:
 def by_mujoco(
     form: str,
     path: pathlib.Path,
-    change: Callable[[Any], list[str]],
+    change: Callable[[MujocoSpec], list[str]],
     closed: Sequence[tuple[str, str, str, str, bool]] = (),
     without: Sequence[str] = (),
 ) -> Description:
@@ -94,7 +95,7 @@ def by_mujoco(
 
 
 @contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[list[str]]:
+def _silent(mujoco: ModuleType) -> Iterator[list[str]]:
     """No warnings of MuJoCo, on the screen or in a file of its own: they are collected."""
     before, warned = mujoco.get_mju_user_warning(), []
     mujoco.set_mju_user_warning(lambda text: warned.append(str(text)))
@@ -107,8 +108,8 @@ def _silent(mujoco: Any) -> Iterator[list[str]]:
 
 
 def _read(
-    mujoco: Any, path: pathlib.Path, change: Callable[[Any], list[str]], without: Sequence[str]
-) -> tuple[Any, list[str]]:
+    mujoco: ModuleType, path: pathlib.Path, change: Callable[[MujocoSpec], list[str]], without: Sequence[str]
+) -> tuple[MujocoModel, list[str]]:
     spec, notes = _without(mujoco, path, without) if without else specification(mujoco, path)
     _check_weights(spec, path)
     notes += change(spec)
@@ -121,7 +122,7 @@ def _read(
     return model, notes
 
 
-def _without(mujoco: Any, path: pathlib.Path, joints: Sequence[str]) -> tuple[Any, list[str]]:
+def _without(mujoco: ModuleType, path: pathlib.Path, joints: Sequence[str]) -> tuple[MujocoSpec, list[str]]:
     """The specification of a URDF without the last joint of each of some names."""
     source = Source(path)
     for name in joints:
@@ -132,7 +133,7 @@ def _without(mujoco: Any, path: pathlib.Path, joints: Sequence[str]) -> tuple[An
         return specification(mujoco, copy)
 
 
-def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
+def specification(mujoco: ModuleType, path: pathlib.Path) -> tuple[MujocoSpec, list[str]]:
     """What MuJoCo makes of a file, without what it does not know and what constrains nothing, and what that is."""
     try:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -149,7 +150,7 @@ def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
             raise _unreadable(path, error) from error
 
 
-def _check_weights(spec: Any, path: pathlib.Path) -> None:
+def _check_weights(spec: MujocoSpec, path: pathlib.Path) -> None:
     """Refuse masses and inertias that no body has, which MuJoCo takes for none where it is told least ones."""
     for body in spec.bodies:
         inertia = np.concatenate([body.inertia, [] if np.isnan(body.fullinertia[0]) else body.fullinertia[:3]])
@@ -160,7 +161,7 @@ def _check_weights(spec: Any, path: pathlib.Path) -> None:
                 raise refusal(path, f"gives '{_name(body)}' the {what} {wrong[0]:g}. {advice}")
 
 
-def _stripped(mujoco: Any, spec: Any) -> list[str]:
+def _stripped(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
     """Delete what needs other files or constrains nothing, and say so."""
     notes = []
     for equality in list(spec.equalities):
@@ -200,7 +201,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     return notes
 
 
-def _keep_positions(mujoco: Any, spec: Any) -> None:
+def _keep_positions(mujoco: ModuleType, spec: MujocoSpec) -> None:
     """Keep of keyframes what they say of joints, under a name each, and none that counts other joints."""
     sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
     size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
@@ -214,7 +215,7 @@ def _keep_positions(mujoco: Any, spec: Any) -> None:
             setattr(key, what, [])
 
 
-def _weighs(spec: Any, geom: Any) -> bool:
+def _weighs(spec: MujocoSpec, geom: SpecGeom) -> bool:
     """Whether a body that moves has mass from this shape."""
     own = geom.parent.explicitinertial
     if not geom.meshname or geom.parent.name == "world":
@@ -226,15 +227,15 @@ def _weighs(spec: Any, geom: Any) -> bool:
     return bool(given > 0 and group[0] <= geom.group <= group[1])
 
 
-def _name(body: Any) -> str:
+def _name(body: SpecBody) -> str:
     return body.name or "a body without a name"
 
 
-def _shapes(found: Any) -> str:
+def _shapes(found: Sequence[SpecGeom]) -> str:
     return f"{len(found)} shape{'s' * (len(found) != 1)}"
 
 
-def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
+def _compiled(spec: MujocoSpec, path: pathlib.Path, notes: list[str]) -> MujocoModel:
     spec.compiler.fusestatic = spec.compiler.discardvisual = False
     spec.compiler.boundmass = spec.compiler.boundinertia = LEAST
     spec.compiler.LRopt.mode = 0  # ranges of lengths of muscles, whose forces do not act

@@ -6,7 +6,6 @@ import pathlib
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -23,7 +22,7 @@ from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, check_kind, floats, on_device
 from .._tools._table import text_of
 from .._tools._words import printable
-from ._build import bodies_of, mechanism_of, position_of
+from ._build import Added, bodies_of, mechanism_of, position_of
 from ._content import refusal
 from ._description import CLOSING, WITHOUT, Description, missing_of
 from ._formats import describe
@@ -163,7 +162,7 @@ class Model:
         *,
         couplers: Sequence[Coupler | Stop | SpeedDriver] = (),
         loads: Sequence[AbstractLoad] = (),
-        friction: Mapping[str, Any] | None = None,
+        friction: Mapping[str, object] | None = None,
     ) -> Mechanism:
         """The mechanism with parts that the file does not have: feet on a floor, stops, drives, loads, friction.
 
@@ -185,8 +184,8 @@ class Model:
         - `friction`: of joints of the file by their names, as arguments of their constructors in `rx.spatial`, in place
           of what the file says: {"guide": {"friction": rx.Coulomb(0.1), "guide_length": 0.08}}.
         """
-        added = {"joints": joints, "couplers": couplers, "loads": loads}
-        for name, given in added.items():
+        added = Added(joints, couplers, loads)
+        for name, given in added._asdict().items():
             check_kind(name, given, Sequence, "a list", f"Write it with brackets, as in `{name}=[...]`.")
         return mechanism_of(self.described, added=added, rubbing={} if friction is None else friction)[0]
 

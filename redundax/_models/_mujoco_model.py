@@ -1,7 +1,8 @@
 """A model of MuJoCo, described without it: what MJCF and URDF are read to"""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from .._bodies._body import GROUND
 from .._bodies._space._rotation import rotation
 from .._tools._optional import optional
 from ._description import WITHOUT, Body, Description, End, Joint, Loop, Term, Tie, unique
+from ._mujoco_types import MujocoData, MujocoModel
 from ._vectors import axes_of
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
@@ -19,12 +21,12 @@ _KINDS = ("free", "ball", "slide", "hinge")  # of joints, as MuJoCo numbers them
 class Origin(NamedTuple):
     """MuJoCo's model, whose joints are those of the description, and which of its equalities a loop is, by name."""
 
-    model: Any
+    model: MujocoModel
     equalities: dict[str, int]
 
 
 def described(
-    form: str, model: Any, notes: Sequence[str], closed: Sequence[tuple[str, str, str, str, bool]] = ()
+    form: str, model: MujocoModel, notes: Sequence[str], closed: Sequence[tuple[str, str, str, str, bool]] = ()
 ) -> Description:
     """The description of a model of a format; see `by_mujoco`."""
     mujoco = optional("mujoco", "models")
@@ -67,13 +69,13 @@ def described(
     )
 
 
-def root_of(model: Any, body: int) -> int:
+def root_of(model: MujocoModel, body: int) -> int:
     """The body with joints that this one is fixed to, or 0 for the ground, to which bodies moved from outside count."""
     root = int(model.body_weldid[body])
     return root if model.body_jntnum[root] else 0
 
 
-def _rates(mujoco: Any, model: Any, positions: np.ndarray) -> np.ndarray:
+def _rates(mujoco: ModuleType, model: MujocoModel, positions: np.ndarray) -> np.ndarray:
     """Of the drives by the velocities of the joints."""
     data, rates = mujoco.MjData(model), np.zeros((model.nu, model.nv))
     if not model.nu:
@@ -89,7 +91,7 @@ def _rates(mujoco: Any, model: Any, positions: np.ndarray) -> np.ndarray:
     return rates
 
 
-def _keyframes(mujoco: Any, model: Any) -> dict[str, np.ndarray]:
+def _keyframes(mujoco: ModuleType, model: MujocoModel) -> dict[str, np.ndarray]:
     """Positions of joints that the keyframes give, by their names."""
     found = {}
     for key in range(model.nkey):
@@ -98,13 +100,13 @@ def _keyframes(mujoco: Any, model: Any) -> dict[str, np.ndarray]:
     return found
 
 
-def _joint_name(model: Any, joint: int) -> str:
+def _joint_name(model: MujocoModel, joint: int) -> str:
     """As in the file, or of its body."""
     body, kind = int(model.jnt_bodyid[joint]), _KINDS[int(model.jnt_type[joint])]
     return model.joint(joint).name or f"{kind} of {model.body(body).name or f'body {body}'}"
 
 
-def _bodies(model: Any, data: Any, movers: Sequence[int], joints: Sequence[str]) -> list[Body]:
+def _bodies(model: MujocoModel, data: MujocoData, movers: Sequence[int], joints: Sequence[str]) -> list[Body]:
     """The ground, and for each joint the body on it."""
     names = unique([model.body(body).name or f"body {body}" for body in movers], (GROUND,))
     found = [Body.massless(GROUND, np.zeros(3), np.eye(3))]
@@ -117,7 +119,7 @@ def _bodies(model: Any, data: Any, movers: Sequence[int], joints: Sequence[str])
     return found
 
 
-def _weight(model: Any, data: Any, root: int) -> tuple[float, np.ndarray, np.ndarray]:
+def _weight(model: MujocoModel, data: MujocoData, root: int) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre and inertia about it of a body and of all that are fixed to it, global."""
     members = [k for k in range(1, model.nbody) if root_of(model, k) == root]
     masses = np.where(model.body_mass[members] > 2 * LEAST, model.body_mass[members], 0.0)
@@ -132,7 +134,9 @@ def _weight(model: Any, data: Any, root: int) -> tuple[float, np.ndarray, np.nda
     return total, centre, (inertia + inertia.T) / 2
 
 
-def _joint(model: Any, data: Any, bodies: Sequence[Body], number: dict[int, int], joint: int, name: str) -> Joint:
+def _joint(
+    model: MujocoModel, data: MujocoData, bodies: Sequence[Body], number: dict[int, int], joint: int, name: str
+) -> Joint:
     """A joint, whose body is the next in number."""
     body, kind = int(model.jnt_bodyid[joint]), _KINDS[int(model.jnt_type[joint])]
     is_first = joint == int(model.body_jntadr[body])
@@ -169,7 +173,7 @@ def _joint(model: Any, data: Any, bodies: Sequence[Body], number: dict[int, int]
 
 
 def _constraints(
-    model: Any, data: Any, number: dict[int, int]
+    model: MujocoModel, data: MujocoData, number: dict[int, int]
 ) -> tuple[list[Loop], list[Tie], dict[str, int], list[str]]:
     """Loops and ties, which equalities they are, by name, and which are left out, a line each."""
     mujoco, loops, ties, places, notes = optional("mujoco", "models"), [], [], {}, []
@@ -241,7 +245,9 @@ def _of_tendons(tendons: "_Tendons", k: int, name: str) -> Tie | str:
     return Tie(name, tendons.parts(first), tendons.parts(second), polynomial)
 
 
-def _rod(mujoco: Any, model: Any, data: Any, tendon: int, number: dict[int, int]) -> tuple[End, End] | None:
+def _rod(
+    mujoco: ModuleType, model: MujocoModel, data: MujocoData, tendon: int, number: dict[int, int]
+) -> tuple[End, End] | None:
     """The ends of a tendon that goes straight from a site to another, on another body."""
     first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
     if count != 2 or np.any(model.wrap_type[first : first + count] != mujoco.mjtWrap.mjWRAP_SITE):
@@ -251,7 +257,7 @@ def _rod(mujoco: Any, model: Any, data: Any, tendon: int, number: dict[int, int]
     return (start, end) if start.body != end.body else None
 
 
-def _cables(mujoco: Any, model: Any, data: Any, number: dict[int, int]) -> Iterator[Loop]:
+def _cables(mujoco: ModuleType, model: MujocoModel, data: MujocoData, number: dict[int, int]) -> Iterator[Loop]:
     """Tendons between two sites that have a greatest length."""
     for tendon in np.flatnonzero(model.tendon_limited).tolist():
         ends, (_, most) = _rod(mujoco, model, data, tendon, number), model.tendon_range[tendon].tolist()
@@ -262,9 +268,9 @@ def _cables(mujoco: Any, model: Any, data: Any, number: dict[int, int]) -> Itera
 class _Tendons(NamedTuple):
     """Tendons of a model, of joints or from site to site, by numbers of those."""
 
-    mujoco: Any
-    model: Any
-    data: Any
+    mujoco: ModuleType
+    model: MujocoModel
+    data: MujocoData
     number: dict[int, int]
 
     def terms(self, tendon: int) -> dict[int | tuple[int, int], float] | None:
@@ -303,17 +309,19 @@ class _Tendons(NamedTuple):
         return Loop(name, "distance joint", start, end, length) if start.body != end.body else None
 
 
-def _named(model: Any, k: int, word: str, one: str, two: str) -> str:
+def _named(model: MujocoModel, k: int, word: str, one: str, two: str) -> str:
     return model.equality(k).name or f"{word} {one} ~ {two}"
 
 
-def _end(model: Any, data: Any, number: dict[int, int], body: int, point: np.ndarray, axes: np.ndarray) -> End:
+def _end(
+    model: MujocoModel, data: MujocoData, number: dict[int, int], body: int, point: np.ndarray, axes: np.ndarray
+) -> End:
     """What is held of a body of the file, by a point and axes in its frame."""
     own = data.xmat[body].reshape(3, 3)
     return End(number[root_of(model, body)], data.xpos[body] + own @ point, own @ axes)
 
 
-def _site_ends(model: Any, data: Any, one: int, two: int, number: dict[int, int]) -> list[End]:
+def _site_ends(model: MujocoModel, data: MujocoData, one: int, two: int, number: dict[int, int]) -> list[End]:
     return [
         _end(model, data, number, int(model.site_bodyid[site]), model.site_pos[site], _axes(model.site_quat[site]))
         for site in (one, two)

@@ -4,7 +4,7 @@ What closes loops bears J^T f, with f of MuJoCo's solver; what the tree holds is
 that it hangs on, without what acts along the joint's own coordinate.
 """
 
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._optional import optional
 from ._description import End, Joint, Loop
 from ._mujoco_model import TORQUE_SCALE, Origin, body_ends
+from ._mujoco_types import MujocoData, MujocoModel
 from ._series import BodySeries, ReactionSeries, Series
 from ._tree import Poses, Tree
 
@@ -67,7 +68,7 @@ def run(tree: Tree, positions: np.ndarray, seconds: float) -> Series:
     return Series(np.array(times), bodies, reactions)
 
 
-def _states(tree: Tree, data: Any) -> dict[str, tuple[np.ndarray, ...]]:
+def _states(tree: Tree, data: MujocoData) -> dict[str, tuple[np.ndarray, ...]]:
     """Position, axes, velocity and angular velocity of each body."""
     poses, found = tree.at(data.qpos.copy()), {}
     for k, body in enumerate(tree.description.bodies[1:], 1):
@@ -78,7 +79,7 @@ def _states(tree: Tree, data: Any) -> dict[str, tuple[np.ndarray, ...]]:
 
 
 def _loads(
-    mujoco: Any, tree: Tree, origin: Origin, model: Any, data: Any
+    mujoco: ModuleType, tree: Tree, origin: Origin, model: MujocoModel, data: MujocoData
 ) -> dict[str, tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """Of joints and loops the body, the point in its frame, the force and the moment about it, global."""
     poses = tree.at(data.qpos.copy())
@@ -101,7 +102,9 @@ def _placed(tree: Tree, end: End) -> tuple[str, np.ndarray]:
     return body.name, body.axes.T @ (end.point - body.position)
 
 
-def _of_joint(model: Any, data: Any, number: int, joint: Joint, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
+def _of_joint(
+    model: MujocoModel, data: MujocoData, number: int, joint: Joint, poses: Poses
+) -> tuple[np.ndarray, np.ndarray]:
     """What the body on a joint is held by: MuJoCo's wrench is about the centre of mass of the whole tree."""
     body = int(model.jnt_bodyid[number])
     moment, force = data.cfrc_int[body, :3].copy(), data.cfrc_int[body, 3:].copy()
@@ -114,7 +117,9 @@ def _of_joint(model: Any, data: Any, number: int, joint: Joint, poses: Poses) ->
     return force, moment - axis * (axis @ moment)
 
 
-def _of_loop(mujoco: Any, model: Any, data: Any, number: int, loop: Loop) -> tuple[np.ndarray, np.ndarray]:
+def _of_loop(
+    mujoco: ModuleType, model: MujocoModel, data: MujocoData, number: int, loop: Loop
+) -> tuple[np.ndarray, np.ndarray]:
     """On the first body of a loop: the rows of MuJoCo are the offset of the first point from the second, and for a weld
     the vector part of conj(p) p' of the orientations p of the second and p' of the first."""
     rows = (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (data.efc_id == number)
@@ -136,7 +141,9 @@ def _of_loop(mujoco: Any, model: Any, data: Any, number: int, loop: Loop) -> tup
     return own[:3].copy(), moment
 
 
-def _orientations(mujoco: Any, model: Any, data: Any, number: int) -> tuple[np.ndarray, np.ndarray]:
+def _orientations(
+    mujoco: ModuleType, model: MujocoModel, data: MujocoData, number: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Of both ends of a weld, as quaternions."""
     ends = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
     if model.eq_objtype[number] == mujoco.mjtObj.mjOBJ_SITE:

@@ -2,8 +2,7 @@
 
 import abc
 import pathlib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,7 +10,8 @@ from .._tools._errors import RedundaxError
 from .._tools._words import short
 from ._assembly import NOWHERE, Assembly, Frame, Held
 from ._content import numbers_in, refusal
-from ._description import WITHOUT, Description, drive_rates, unique
+from ._description import WITHOUT, Description, Motor, Place, Tie, drive_rates, unique
+from ._series import Series
 
 LARGEST = 1e30  # of a number of a file, in its units
 _NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))  # what weighs nothing
@@ -64,13 +64,17 @@ class AbstractReader(abc.ABC):
     def _described(
         self,
         assembly: Assembly,
-        gravity: Any,
+        gravity: Sequence[float] | np.ndarray,
         driven: Sequence[tuple[str, int, int]] = (),
         shapes: int = 0,
-        **more: Any,
+        *,
+        ties: tuple[Tie, ...] = (),
+        motors: tuple[Motor, ...] = (),
+        series: Series | None = None,
+        origin: Mapping[str, Place] | None = None,
     ) -> Description:
         """The description of parts that joints hold; `driven`: names of drives, and the numbers of their joints and
-        coordinates; `shapes`: how many are left out; `more`: what else it has."""
+        coordinates; `shapes`: how many are left out."""
         bodies, joints = assembly.bodies(self._weights), tuple(assembly.joints)
         rates = drive_rates(joints, [drive[1:] for drive in driven])
         self._notes += [f"contact of {shapes} shape{'s' * (shapes > 1)}"] if shapes else []
@@ -80,14 +84,16 @@ class AbstractReader(abc.ABC):
             bodies,
             joints,
             assembly.loops(),
-            more.pop("ties", ()),
+            ties,
             (x, y, z),
             tuple(name for name, _, _ in driven),
             lambda positions: rates,
             np.array([body.centre for body in bodies] + [joint.child.point for joint in joints]),
             {},
             tuple(self._notes),
-            **more,
+            motors=motors,
+            series=series,
+            origin=origin,
         )
 
 

@@ -3,8 +3,8 @@
 import re
 import shlex
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -22,10 +22,15 @@ VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
 _WHOLE = re.compile(rf"{VECTOR.pattern}|(?:<- )?--release (?:'[^']*'|\S+)|\w+=\"[^\"]*\"")
 
 
-def wrapped(text: str, **how: Any) -> list[str]:
+def wrapped(
+    text: str, *, initial_indent: str = "", subsequent_indent: str = "", break_on_hyphens: bool = True
+) -> list[str]:
     """Lines of a text, with directions, attributes and what is to be typed in one piece."""
     whole = _WHOLE.sub(lambda found: found[0].replace(" ", "\0"), text)
-    return [line.replace("\0", " ") for line in textwrap.wrap(whole, WIDTH, **how)]
+    return [
+        line.replace("\0", " ")
+        for line in textwrap.wrap(whole, WIDTH, initial_indent=initial_indent, subsequent_indent=subsequent_indent)
+    ]
 
 
 def mended(found: Audit, lines: Lines, language: str, everything: bool = False) -> Iterator[str]:
@@ -54,9 +59,9 @@ def mended(found: Audit, lines: Lines, language: str, everything: bool = False) 
             yield f"  - nothing that {language} can say; --all lists the rows to free"
 
 
-def kept_together(parts: Sequence[Alike], form: Callable[[Alike], Any], everything: bool) -> list[list[Alike]]:
+def kept_together(parts: Sequence[Alike], form: Callable[[Alike], Hashable], everything: bool) -> list[list[Alike]]:
     """Parts of the same form together, if they are three or more and not everything is to be told."""
-    alike: dict[Any, list[Alike]] = {}
+    alike: dict[Hashable, list[Alike]] = {}
     for part in parts:
         alike.setdefault(form(part), []).append(part)
     told = [some for some in alike.values() if len(some) > 2 and not everything]
@@ -78,7 +83,7 @@ def _joints_of(repair: Repair) -> list[str]:
     return list(dict.fromkeys(row.rpartition(".")[0] for row in repair.rows))
 
 
-def _form(repair: Repair, found: Audit) -> Any:
+def _form(repair: Repair, found: Audit) -> str:
     """What repairs that are alike have in common: kinds of joints and what their changes free, in any direction."""
     choices = [
         (each.is_usable, [(edit.how, _rows_form(edit.rows, found)) for edit in each.edits]) for each in repair.choices
@@ -86,7 +91,7 @@ def _form(repair: Repair, found: Audit) -> Any:
     return str((repair.redundancy, _rows_form(repair.rows, found), choices, _rows_form(repair.rest, found)))
 
 
-def _group_form(group: Group, found: Audit) -> Any:
+def _group_form(group: Group, found: Audit) -> str:
     """As `_form`, of groups of rows."""
     freed = [_rows_form(_freed_by(each), found) for each in group.releases[:2]]
     return str((group.redundancy, _rows_form(group.rows, found), freed))

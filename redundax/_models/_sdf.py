@@ -10,7 +10,7 @@ import pathlib
 import re
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -241,7 +241,7 @@ class _Reader(AbstractReader):
         part = self._numbers_of[id(of), link]
         return part, self._poses[part].back().of(at)  # of the ground global
 
-    def _axis(self, scope: _Scope, joint: Any, frame: Frame, word: str) -> np.ndarray:
+    def _axis(self, scope: _Scope, joint: Element, frame: Frame, word: str) -> np.ndarray:
         """The direction of an axis, global."""
         xyz = joint.find(f"{word}/xyz")
         if xyz is None:
@@ -259,13 +259,13 @@ class _Reader(AbstractReader):
             axes = frame.axes
         return axes @ axis / np.linalg.norm(axis)
 
-    def _limits(self, joint: Any) -> tuple[float, float] | None:
+    def _limits(self, joint: Element) -> tuple[float, float] | None:
         limit = joint.find("axis/limit")
         low, high = self._number(limit, "lower", -np.inf), self._number(limit, "upper", np.inf)
         low, high = (-np.inf if low < -_ENDLESS else low), (np.inf if high > _ENDLESS else high)
         return (low, high) if np.isfinite(low) or np.isfinite(high) else None
 
-    def _spring(self, joint: Any) -> _Spring:
+    def _spring(self, joint: Element) -> _Spring:
         words, dynamics = ("spring_stiffness", "spring_reference", "damping", "friction"), joint.find("axis/dynamics")
         return _Spring(*(self._number(dynamics, word, 0.0) for word in words))
 
@@ -335,7 +335,9 @@ class _Reader(AbstractReader):
             origin=self._places(elements, acting, signs),
         )
 
-    def _places(self, elements: dict[str, Any], acting: dict[str, _Spring], signs: dict[str, int]) -> dict[str, Place]:
+    def _places(
+        self, elements: dict[str, Element], acting: dict[str, _Spring], signs: dict[str, int]
+    ) -> dict[str, Place]:
         """Where the joints are, and which of them something acts in or names, by a word of its own."""
         said = {(each.text or "").strip() for each in self._root.iter()}
         for each in self._root.iter():
@@ -346,12 +348,12 @@ class _Reader(AbstractReader):
                 continue
             own = element.get("name")
             is_used = any(acting[name]) or own in said or element.find("axis/mimic") is not None
-            is_used |= _KINDS[element.get("type")] == "hinge" and element.find("axis") is None
+            is_used |= _KINDS[element.get("type", "")] == "hinge" and element.find("axis") is None
             place = SdfPlace(self._own.index(element), self._axes_of[id(element)], signs.get(name, 1) < 0)
             found[name] = Place(place, is_used or element.get("type") == "screw")
         return found
 
-    def _ties(self, joints: list[Joint], elements: dict[str, Any], signs: dict[str, int]) -> Iterator[Tie]:
+    def _ties(self, joints: list[Joint], elements: dict[str, Element], signs: dict[str, int]) -> Iterator[Tie]:
         """Joints that mimic others."""
         numbers = {joint.name: k for k, joint in enumerate(joints)}
         for name, element in elements.items():

@@ -12,7 +12,6 @@ import os
 import pathlib
 import re
 from collections.abc import Iterator
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from .._tools._errors import RedundaxError
@@ -29,7 +28,7 @@ _OWN = ("static", "self_collide", "enable_wind", "allow_auto_disable", "pose")  
 _NAMED = ("link", "frame", "joint", "model")
 
 
-def sdf_document(path: pathlib.Path) -> Any:
+def sdf_document(path: pathlib.Path) -> Element:
     """The first element of a file of SDF."""
     content = path.read_bytes()
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
@@ -45,7 +44,7 @@ def is_true(text: str | None) -> bool:
 class Includes:
     """What a file includes; `notes`: what is not read, a line each, and `lost`: why, by URIs."""
 
-    def __init__(self, path: pathlib.Path, root: Any):
+    def __init__(self, path: pathlib.Path, root: Element):
         self._path, self._count = path, 0
         self.notes: list[str] = []
         self.lost: dict[str, str] = {}
@@ -91,7 +90,7 @@ class Includes:
             _moved_to(each, name)
         return [frame, *kept]
 
-    def _model(self, include: Any, file: pathlib.Path, depth: int) -> Any:
+    def _model(self, include: Element, file: pathlib.Path, depth: int) -> Element | None:
         """The model that is included, as its place says; None of one that is not there, or holds nothing."""
         uri = (include.findtext("uri") or "").strip()
         if not uri:
@@ -177,7 +176,7 @@ def _version(text: str) -> list[int]:
     return [int(word) for word in text.split(".") if word.isdecimal()]
 
 
-def _placed(model: Any, include: Any) -> None:
+def _placed(model: Element, include: Element) -> None:
     """Give a model the name and the place that what includes it says."""
     if name := (include.findtext("name") or "").strip():
         model.set("name", name)

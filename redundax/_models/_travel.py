@@ -10,11 +10,12 @@ beside those of the steps around it. Joints that move no loop in itself change n
 import dataclasses
 import itertools
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
 
+from .._tools._json import JSON
 from ._description import Loop
 from ._tree import CLOSED, DIGITS, Tree
 
@@ -78,7 +79,7 @@ class Travel:
     turns: tuple[tuple[str, float], ...] = ()
     ways: tuple[Way, ...] = dataclasses.field(default=(), repr=False, compare=False)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """As data."""
         return {
             "ranges": {name: list(each) for name, each in self.ranges.items()},

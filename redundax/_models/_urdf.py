@@ -8,17 +8,18 @@ import functools
 import pathlib
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Collection, Iterator, Sequence
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, short
-from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._closed_loops import add_closed_loops, add_drives, list_under, loops_in, transmissions
 from ._content import document, refusal
 from ._description import WITHOUT, Description
 from ._mjcf import by_mujoco
+from ._mujoco_types import MujocoSpec
 from ._urdf_loops import loops_of, second_parents
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -49,17 +50,17 @@ def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
     root = document(path)
     check_urdf(path, root)
     given = {} if closures is None else loops_in(closures)
-    pairs = listed if isinstance(listed := given.get("closed_loop"), list) else []  # anything else is refused below
+    pairs = [list(map(str, pair)) for pair in list_under(given, "closed_loop") if isinstance(pair, list)]
     own = loops_of(root, {link.get("name", "") for link in root.iterfind("link")})
     held_by = _carriers(_joints(root))
-    beside = [{held_by.get(name, name) for name in map(str, pair)} for pair in pairs if isinstance(pair, list)]
+    beside = [{held_by.get(name, name) for name in pair} for pair in pairs]
     own = [loop for loop in own if {held_by.get(end.link, end.link) for end in (loop.first, loop.second)} not in beside]
     closed = []
     for k, loop in enumerate(own):
         one, two = (f"{loop.name} at {end.link} {k}" for end in (loop.first, loop.second))
         closed.append((loop.name, loop.kind, one, two, loop.first.point is None))
 
-    def changed(spec: Any) -> list[str]:
+    def changed(spec: MujocoSpec) -> list[str]:
         notes = [] if closures is None else add_closed_loops(spec, path, closures)
         for loop, (_, _, one, two, _) in zip(own, closed, strict=True):
             for end, name in ((loop.first, one), (loop.second, two)):
@@ -125,7 +126,7 @@ def unread(
     holds the same links; `closed` are the frames of those loops, `taken` elements that are read."""
     links, joints = {each.get("name", "") for each in root.iterfind("link")}, _joints(root)
     held_by = _carriers(joints)
-    pairs = [{held_by.get(name, name) for name in map(str, pair)} for pair in closed]
+    pairs = [{held_by.get(name, name) for name in pair} for pair in closed]
     advice, found = f"give it as a loop in a file of closures, as {path.with_suffix('.yaml').name}", []
     for element in root:
         own = _local(element.tag)
@@ -188,7 +189,7 @@ def _carriers(joints: dict[str, Element]) -> dict[str, str]:
     return found
 
 
-def _check_expanded(root: Element, refuse: Any) -> None:
+def _check_expanded(root: Element, refuse: Callable[[str], RedundaxError]) -> None:
     """Refuse a template."""
     for element in root.iter():
         texts = [text for name, text in element.attrib.items() if name != "filename"]

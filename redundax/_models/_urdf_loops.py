@@ -11,7 +11,8 @@ is not complete is not read.
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -39,14 +40,14 @@ class Held(NamedTuple):
 class UrdfLoop(NamedTuple):
     """A loop, and the element that says so."""
 
-    element: Any
+    element: Element
     name: str
     kind: str
     first: Held
     second: Held
 
 
-def loops_of(root: Any, links: set[str]) -> list[UrdfLoop]:
+def loops_of(root: Element, links: set[str]) -> list[UrdfLoop]:
     """The loops of a URDF whose links are these and "world"."""
     found = [*_loop_joints(root), *_ball_constraints(root), *_of_gazebo(root), *second_parents(root)]
     known = {*links, "world"}
@@ -55,7 +56,7 @@ def loops_of(root: Any, links: set[str]) -> list[UrdfLoop]:
     ]
 
 
-def second_parents(root: Any) -> Iterator[UrdfLoop]:
+def second_parents(root: Element) -> Iterator[UrdfLoop]:
     """Joints whose child hangs on a joint before."""
     hung: set[str] = set()
     for joint in root.iterfind("joint"):
@@ -70,7 +71,7 @@ def second_parents(root: Any) -> Iterator[UrdfLoop]:
         hung.add(child)
 
 
-def _loop_joints(root: Any) -> Iterator[UrdfLoop]:
+def _loop_joints(root: Element) -> Iterator[UrdfLoop]:
     for element in root.iterfind("loop_joint"):
         ends = [end for end in element if end.tag in ("link1", "link2")]  # the page of Isaac Sim has `link1` twice
         kind, axis = _KINDS.get(element.get("type", "")), _axis(_of(element, "axis", "xyz") or "1 0 0")
@@ -79,18 +80,18 @@ def _loop_joints(root: Any) -> Iterator[UrdfLoop]:
         held = []
         for end in ends:
             if (place := _frame(end.get("xyz"), end.get("rpy"))) is not None:
-                held.append(Held(end.get("link"), place[0], place[1] @ axis))
+                held.append(Held(end.get("link", ""), place[0], place[1] @ axis))
         if len(held) == 2:
             yield UrdfLoop(element, element.get("name", ""), kind, *held)
 
 
-def _ball_constraints(root: Any) -> Iterator[UrdfLoop]:
+def _ball_constraints(root: Element) -> Iterator[UrdfLoop]:
     word = "drake:ball_constraint"
     for element in root.iterfind("*"):
         if element.tag != word:
             continue
         inner = {each.tag: each for each in element}
-        names = [inner[f"{word}_body_{end}"].get("name") for end in "AB" if f"{word}_body_{end}" in inner]
+        names = [inner[f"{word}_body_{end}"].get("name", "") for end in "AB" if f"{word}_body_{end}" in inner]
         points = [
             numbers_in(inner[f"{word}_p_{end}"].get("value"), 3) for end in ("AP", "BQ") if f"{word}_p_{end}" in inner
         ]
@@ -99,7 +100,7 @@ def _ball_constraints(root: Any) -> Iterator[UrdfLoop]:
             yield UrdfLoop(element, f"ball_constraint {' ~ '.join(names)}", "connect", *held)
 
 
-def _of_gazebo(root: Any) -> Iterator[UrdfLoop]:
+def _of_gazebo(root: Element) -> Iterator[UrdfLoop]:
     for element in root.iterfind("gazebo/joint"):
         kind, xyz = _KINDS.get(element.get("type", "")), element.find("axis/xyz")
         parent, child = ((element.findtext(end) or "").strip() for end in ("parent", "child"))
@@ -110,10 +111,10 @@ def _of_gazebo(root: Any) -> Iterator[UrdfLoop]:
         if kind is None or pose is None or axis is None or not element.get("name"):
             continue
         point, axes = pose[:3], about_fixed_axes(pose[3:])
-        yield UrdfLoop(element, element.get("name"), kind, Held(parent), Held(child, point, axes @ axis))
+        yield UrdfLoop(element, element.get("name", ""), kind, Held(parent), Held(child, point, axes @ axis))
 
 
-def _of(element: Any, child: str, name: str) -> str:
+def _of(element: Element, child: str, name: str) -> str:
     found = element.find(child)
     return "" if found is None else found.get(name, "")
 

@@ -11,7 +11,7 @@ joints are in single precision, and are taken as the shortest decimals that they
 import pathlib
 import re
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from ._description import Description, Joint, Place, Tie, unique
 from ._reader import LARGEST, AbstractReader
 from ._usd_masses import Shape, shape_of, together
 from ._usd_stage import stage_of
+from ._usd_types import UsdPath, UsdPrim
 
 _KINDS = {
     "PhysicsFixedJoint": "fixed joint",
@@ -69,6 +70,15 @@ class _Acting(NamedTuple):
     is_in_series: bool
 
 
+class _Said(NamedTuple):
+    """What a prim says of its mass, SI: 0 or None where nothing, as of USD; its centre in its own units."""
+
+    mass: float = 0.0
+    density: float = 0.0
+    centre: np.ndarray | None = None
+    inertia: np.ndarray | None = None
+
+
 def read_usd(path: pathlib.Path) -> Description:
     """What a file of USD says."""
     Tf = optional("pxr.Tf", "usd")
@@ -104,8 +114,8 @@ class _Reader(AbstractReader):
         if up not in TO_Z:
             raise self._refuse(f"has the axis {short(up)} up. Give X, Y or Z")
         self._up = np.eye(3)["XYZ".index(up)]
-        self._part_of: dict[Any, int] = {}
-        self._shapes: dict[Any, list[Any]] = {}  # by the paths of the bodies that they are on
+        self._part_of: dict[UsdPath | None, int] = {}
+        self._shapes: dict[UsdPath | None, list[UsdPrim]] = {}  # by the paths of the bodies that they are on
         for prim in self._prims:
             if prim.HasAPI(UsdPhysics.CollisionAPI):
                 self._shapes.setdefault(self._carrier(prim), []).append(prim)
@@ -118,7 +128,7 @@ class _Reader(AbstractReader):
             raise self._refuse(f"has no body that moves, by `PhysicsRigidBodyAPI`. {advice}")
         self._parts = _named(moving)
 
-    def _values(self, prim: Any, name: str, size: int = 1) -> np.ndarray:
+    def _values(self, prim: UsdPrim, name: str, size: int = 1) -> np.ndarray:
         """Numbers of an attribute: in single precision as the shortest decimals that they may have been written as."""
         value = prim.GetAttribute(name).Get()
         if value is not None and hasattr(value, "GetImaginary"):
@@ -131,26 +141,26 @@ class _Reader(AbstractReader):
             raise self._refuse(f"must have {size} numbers in {short(name)} of {short(str(prim.GetPath()))}. Correct it")
         return found
 
-    def _map(self, prim: Any) -> tuple[np.ndarray, np.ndarray]:
+    def _map(self, prim: UsdPrim) -> tuple[np.ndarray, np.ndarray]:
         """What takes points of a prim, in its units, to global ones in m: a matrix and a shift."""
         matrix = np.array(self._at.GetLocalToWorldTransform(prim))
         if not np.all(np.abs(matrix) < LARGEST) or not np.linalg.det(matrix[:3, :3]):
             raise self._refuse(f"places {short(str(prim.GetPath()))} by no usable numbers. Correct its transform")
         return self._length * matrix[:3, :3].T, self._length * matrix[3, :3]
 
-    def _frame(self, prim: Any) -> Frame:
+    def _frame(self, prim: UsdPrim) -> Frame:
         linear, shift = self._map(prim)
         left, _, right = np.linalg.svd(linear)
         axes = left @ right
         return Frame(shift, axes * np.sign(np.linalg.det(axes)))
 
-    def _turn(self, prim: Any, name: str) -> np.ndarray:
+    def _turn(self, prim: UsdPrim, name: str) -> np.ndarray:
         values = self._values(prim, name, 4)
         if not np.linalg.norm(values) > 0:
             raise self._refuse(f"has no rotation in {short(name)} of {short(str(prim.GetPath()))}. Correct it")
         return np.asarray(rotation(values / np.linalg.norm(values)))
 
-    def _add_body(self, prim: Any) -> None:
+    def _add_body(self, prim: UsdPrim) -> None:
         own = self._physics.RigidBodyAPI(prim)
         is_held = bool(own.GetKinematicEnabledAttr().Get())
         if is_held:
@@ -161,37 +171,37 @@ class _Reader(AbstractReader):
         pose = self._frame(prim)
         self._part_of[prim.GetPath()] = self._add("", pose, self._weight(prim, pose))
 
-    def _weight(self, body: Any, pose: Frame) -> tuple[float, np.ndarray, np.ndarray]:
+    def _weight(self, body: UsdPrim, pose: Frame) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, and centre and inertia in the axes of a body; what it does not say itself is of its shapes."""
         own, name = self._said(body), str(body.GetPath())
         shapes, densities = [], []
         for prim in self._shapes.get(body.GetPath(), ()):
             shape = self._shape(prim, pose)
             if shape is None:
-                if not own["mass"] or own["inertia"] is None:
+                if not own.mass or own.inertia is None:
                     kind = prim.GetTypeName()
                     self._notes.append(f"{kind} '{prim.GetName()}' of '{name}': it adds nothing to its mass")
                 continue
             said = self._said(prim)
-            density = said["density"] or own["density"] or self._of_material(prim) or _WATER
+            density = said.density or own.density or self._of_material(prim) or _WATER
             shapes.append(shape)
-            densities.append(said["mass"] / shape.volume if said["mass"] else density)
+            densities.append(said.mass / shape.volume if said.mass else density)
         mass, centre, inertia = together(shapes, densities)
-        if own["mass"] and mass:
-            inertia *= own["mass"] / mass
-        mass = own["mass"] or mass
-        if not mass or (not inertia.any() and own["inertia"] is None):
-            assumed = {"mass": None if mass else "1 kg", "inertia": None if own["inertia"] is not None else "1 kg m^2"}
+        if own.mass and mass:
+            inertia *= own.mass / mass
+        mass = own.mass or mass
+        if not mass or (not inertia.any() and own.inertia is None):
+            assumed = {"mass": None if mass else "1 kg", "inertia": None if own.inertia is not None else "1 kg m^2"}
             missing = {word: value for word, value in assumed.items() if value}
             told, values = (" and ".join(words) for words in (missing, missing.values()))
             self._notes.append(f"{told} of '{name}', which the file does not say: {values}")
             mass, inertia = mass or 1.0, np.eye(3)
-        if own["centre"] is not None:
+        if own.centre is not None:
             linear, shift = self._map(body)
-            centre = pose.axes.T @ (linear @ own["centre"] + shift - pose.point)
-        return mass, centre, inertia if own["inertia"] is None else own["inertia"]
+            centre = pose.axes.T @ (linear @ own.centre + shift - pose.point)
+        return mass, centre, inertia if own.inertia is None else own.inertia
 
-    def _shape(self, prim: Any, pose: Frame) -> Shape | None:
+    def _shape(self, prim: UsdPrim, pose: Frame) -> Shape | None:
         """A shape in the axes of a body; None of one without a volume that can be told."""
         try:
             shape = shape_of(prim, self._geometry)
@@ -201,33 +211,31 @@ class _Reader(AbstractReader):
         found = None if shape is None else shape.mapped(pose.axes.T @ linear, pose.axes.T @ (shift - pose.point))
         return found if found is not None and 0 < found.volume < LARGEST else None
 
-    def _said(self, prim: Any) -> dict[str, Any]:
-        """What a prim says of its mass, SI: 0 or None where nothing, as of USD; its centre in its own units."""
-        found: dict[str, Any] = {"mass": 0.0, "density": 0.0, "centre": None, "inertia": None}
+    def _said(self, prim: UsdPrim) -> _Said:
+        """What a prim says of its mass."""
         if not prim.HasAPI(self._physics.MassAPI):
-            return found
+            return _Said()
         mass, density = (float(self._values(prim, f"physics:{word}")[0]) for word in ("mass", "density"))
         moments, centre = (self._values(prim, f"physics:{word}", 3) for word in ("diagonalInertia", "centerOfMass"))
         if min(mass, density, *moments) < 0 or not max(mass, density, *moments) < LARGEST:
             raise self._refuse(f"gives {short(str(prim.GetPath()))} a mass that none has. Give positive numbers")
-        found["mass"], found["density"] = mass * self._mass, density * self._mass / self._length**3
-        if np.all(np.abs(centre) < LARGEST):
-            found["centre"] = centre
+        inertia = None
         if np.any(moments):
             axes = np.eye(3)
             if np.any(self._values(prim, "physics:principalAxes", 4)):
                 axes = self._turn(prim, "physics:principalAxes")
-            found["inertia"] = axes @ np.diag(moments) @ axes.T * self._mass * self._length**2
-        return found
+            inertia = axes @ np.diag(moments) @ axes.T * self._mass * self._length**2
+        own = centre if np.all(np.abs(centre) < LARGEST) else None
+        return _Said(mass * self._mass, density * self._mass / self._length**3, own, inertia)
 
-    def _of_material(self, prim: Any) -> float:
+    def _of_material(self, prim: UsdPrim) -> float:
         """The density of the material that a shape is bound to, or 0."""
         material, _ = optional("pxr.UsdShade", "usd").MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
         if not material or not material.GetPrim().HasAPI(self._physics.MaterialAPI):
             return 0.0
         return max(0.0, float(self._values(material.GetPrim(), "physics:density")[0])) * self._mass / self._length**3
 
-    def _carrier(self, prim: Any) -> Any:
+    def _carrier(self, prim: UsdPrim) -> UsdPath | None:
         """The path of the body that a prim is, or is on; None of one that rests."""
         while prim and not prim.IsPseudoRoot():
             if prim.HasAPI(self._physics.RigidBodyAPI):
@@ -235,7 +243,7 @@ class _Reader(AbstractReader):
             prim = prim.GetParent()
         return None
 
-    def _end(self, prim: Any, side: int) -> tuple[int, Frame]:
+    def _end(self, prim: UsdPrim, side: int) -> tuple[int, Frame]:
         """A frame of a joint on the part that it is on, in which axes are those of the prim that it names."""
         targets = prim.GetRelationship(f"physics:body{side}").GetTargets()
         here = self._values(prim, f"physics:localPos{side}", 3), self._turn(prim, f"physics:localRot{side}")
@@ -279,13 +287,13 @@ class _Reader(AbstractReader):
                 if _HOLDING.search(each) and not (_SILENT.search(each) or _MIMICS.search(each)):
                     self._leave_out(f"{each} of '{prim.GetName()}'", "it is not read")
 
-    def _is_on(self, prim: Any) -> bool:
+    def _is_on(self, prim: UsdPrim) -> bool:
         is_on = bool(prim.GetAttribute("physics:jointEnabled").Get())
         if not is_on:
             self._leave_out(f"joint '{prim.GetName()}'", "the file switches it off", constrains=False)
         return is_on
 
-    def _drives(self, prim: Any, schema: str) -> bool:
+    def _drives(self, prim: UsdPrim, schema: str) -> bool:
         """Whether an applied schema is a drive that acts."""
         kind, _, of = schema.partition(":")
         words = ("stiffness", "damping", "maxForce")
@@ -293,7 +301,7 @@ class _Reader(AbstractReader):
             prim.GetAttribute(f"drive:{of}:physics:{word}").HasAuthoredValue() for word in words
         )
 
-    def _kind(self, prim: Any, name: str) -> tuple[str, str, float, tuple[float, float] | None]:
+    def _kind(self, prim: UsdPrim, name: str) -> tuple[str, str, float, tuple[float, float] | None]:
         """The kind of a joint, its axis, or that of each body, what it counts from, and its limits, m or rad; no kind
         after a note."""
         kind = str(prim.GetTypeName())
@@ -328,7 +336,7 @@ class _Reader(AbstractReader):
             raise self._refuse(f"gives '{name}' the axis {short(axis)}. Give X, Y or Z")
         return _KINDS[kind], axis, 0.0, limits
 
-    def _generic(self, prim: Any, name: str) -> tuple[str, str, float, tuple[float, float] | None]:
+    def _generic(self, prim: UsdPrim, name: str) -> tuple[str, str, float, tuple[float, float] | None]:
         """Of a generic joint, by the limits of its directions."""
         free: dict[str, str] = {"trans": "", "rot": ""}
         limited: dict[str, tuple[float, float]] = {}
@@ -416,7 +424,7 @@ class _Reader(AbstractReader):
                 first, second = (((k, 1.0),) for k in both)
                 yield Tie(f"{one.name} as {two.name}", first, second, np.array([constant, sign * slope]))
 
-    def _mimicked(self, prim: Any, schema: str) -> tuple[str, float, float, bool]:
+    def _mimicked(self, prim: UsdPrim, schema: str) -> tuple[str, float, float, bool]:
         """The path of the joint that one mimics, offset and slope; and whether there is no more to it."""
         of = f"physxMimicJoint:{schema.partition(':')[2]}:" if schema.startswith("Physx") else "newton:mimic"
         word, least, most, sign = ("referenceJoint", "offset", "gearing", -1.0) if schema.startswith("Physx") else (
@@ -429,7 +437,7 @@ class _Reader(AbstractReader):
 
     def _in_series(self, held: list[Held]) -> Iterator[Held]:
         """Joints of MuJoCo between the same two bodies one after the other, with bodies without mass between them."""
-        groups: dict[Any, list[Held]] = {}
+        groups: dict[tuple[int, int] | str, list[Held]] = {}
         for each in held:
             groups.setdefault((each.i[0], each.j[0]) if each.said.is_in_series else each.name, []).append(each)
         for some in groups.values():
@@ -468,13 +476,13 @@ def _told(error: Exception) -> str:
         return "it holds text that is not in UTF-8"
 
 
-def _applied(prim: Any) -> list[str]:
+def _applied(prim: UsdPrim) -> list[str]:
     """Schemas that are applied to a prim, those too that are not known here."""
     said = prim.GetMetadata("apiSchemas")
     return list(said.GetAddedOrExplicitItems()) if said else []
 
 
-def _named(prims: list[Any]) -> list[str]:
+def _named(prims: list[UsdPrim]) -> list[str]:
     """Short names; of several that are alike the paths."""
     short_names = [prim.GetName() for prim in prims]
     paths = [str(prim.GetPath()).strip("/") for prim in prims]

@@ -4,9 +4,12 @@ A shape is its volume V, its centre c and its second moments S = integral of (x 
 takes to |det A| V, A c + b and |det A| A S A^T. Of density rho its inertia is rho (tr(S) 1 - S).
 """
 
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
+
+from ._usd_types import UsdMesh, UsdPrim
 
 _FAR = 1e30  # of a point of a mesh, which may be anything else in a file that is spoiled
 
@@ -24,7 +27,7 @@ class Shape(NamedTuple):
         return Shape(size * self.volume, linear @ self.centre + shift, size * linear @ self.moments @ linear.T)
 
 
-def shape_of(prim: Any, UsdGeom: Any) -> Shape | None:
+def shape_of(prim: UsdPrim, UsdGeom: ModuleType) -> Shape | None:
     """A shape in its own axes; None of one that encloses no volume that is known here."""
 
     def value(name: str) -> float:
@@ -55,7 +58,7 @@ def shape_of(prim: Any, UsdGeom: Any) -> Shape | None:
     return Shape(volume, centre, across * np.eye(3) + (along - across) * np.outer(axis, axis))
 
 
-def _mesh(mesh: Any) -> Shape | None:
+def _mesh(mesh: UsdMesh) -> Shape | None:
     """Of tetrahedra from the origin to each triangle of the faces."""
     points = np.array(mesh.GetPointsAttr().Get() or [], float).reshape(-1, 3)
     counts, corners = (

@@ -6,10 +6,10 @@ import os
 import pathlib
 import subprocess
 import sys
-from typing import Any
 
 from .._tools._optional import optional
 from ._content import refusal
+from ._usd_types import UsdStage
 
 FIRST = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
 _MEMORY, _MORE = 2 << 30, 50  # bytes, and for each of the file
@@ -31,7 +31,7 @@ except Exception as error:
 """
 
 
-def stage_of(path: pathlib.Path) -> Any:
+def stage_of(path: pathlib.Path) -> UsdStage:
     """The stage of a file."""
     Usd = optional("pxr.Usd", "usd")
     with path.open("rb") as file:

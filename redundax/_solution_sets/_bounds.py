@@ -102,7 +102,7 @@ def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
     return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
-def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[[Any], Box]:
+def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[..., Box]:
     """What reads the least and the largest values of an argument."""
 
     def read(box: Any) -> Box:
@@ -117,7 +117,7 @@ def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Ca
     return read
 
 
-def _numbers(argument: str = "sizes", example: str = '{"A.x": 40.0}') -> Callable[[Any], Mapping[str, float]]:
+def _numbers(argument: str = "sizes", example: str = '{"A.x": 40.0}') -> Callable[..., Mapping[str, float]]:
     """What reads the numbers of an argument."""
 
     def read(sizes: Any) -> Mapping[str, float]:

@@ -20,10 +20,10 @@ answer and several.
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._closures._closure import Elasticity, without_rows
 from .._equations._factorisation import Factorisation, factorised
@@ -35,7 +35,7 @@ from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import or_one, stop_gradient, take, while_loop, xp
+from .._tools._numbers import Numeric, or_one, stop_gradient, take, while_loop, xp
 
 CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
 OUTSIDE = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
@@ -63,7 +63,7 @@ def with_rows(elasticity: Elasticity, kept: Bool[Array, " m"], of_all: Elasticit
     return Elasticity(*(xp.where(both, own, other) for both, own, other in pairs))
 
 
-def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
+def as_held(system: AbstractSystem, kept: Bool[Numeric, " m"]) -> AbstractSystem:
     """The system whose kept contacts hold both ways, and whose others are open."""
     names = dataclasses.replace(system.names, pushing=(), one_sided=())
     return replace_fields(system, _names=names).opened(xp.asarray(kept))
@@ -98,14 +98,32 @@ class Asked(NamedTuple):
     taken: Float[Array, ""] | float
 
 
+@runtime_checkable
+class Solved(Protocol):
+    """What a solve gives: accelerations and multipliers, and how it ended."""
+
+    @property
+    def acceleration(self) -> Array: ...
+    @property
+    def multipliers(self) -> Array: ...
+    @property
+    def result(self) -> RESULTS: ...
+
+
+S = TypeVar("S")
+
+
 def of_rows(
-    solved: Callable[..., tuple[Any, Elasticity, Any]], done: dict[bytes, tuple] | None
-) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
+    solved: Callable[..., tuple[S, Elasticity, Array]],
+    done: dict[bytes, tuple[Factorisation, S, Elasticity, Array]] | None,
+) -> Callable[..., tuple[Factorisation, S, Elasticity, Array]]:
     """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
     it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once, and
     `done` holds those that are."""
 
-    def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
+    def of_set(
+        system: AbstractSystem, state: State, elasticity: Elasticity, kept: Numeric, *more: PyTree
+    ) -> tuple[Factorisation, S, Elasticity, Array]:
         key = b"" if done is None else kept.tobytes()
         if done and key in done:
             return done[key]
@@ -123,7 +141,7 @@ def active_set(
     system: AbstractSystem,
     state: State,
     elasticity: Elasticity,
-    of_set: Callable[..., tuple[Factorisation, Any, Elasticity, Any]],
+    of_set: Callable[..., tuple[Factorisation, Solved, Elasticity, Array]],
     asked: Asked | None = None,
 ) -> ActiveSet:
     """The rows that are kept, by `of_rows`. It has no derivatives: those of a solution are at a fixed active set."""
@@ -207,7 +225,7 @@ def signs(
     closed: Bool[Array, " c"],
     all_kept: Bool[Array, " m"],
     at: tuple[Array, Array, Scaling],
-    found: tuple[Factorisation, Any, Elasticity],
+    found: tuple[Factorisation, Solved, Elasticity],
     taken: Float[Array, ""] | float | None = None,
 ) -> Signs:
     """Those of contacts; `at` is Phi_q, gamma and the scales, `found` the factorisation, solution and closure of the
@@ -252,7 +270,9 @@ def contradicted(
     return own.rows / scales.rows * (factor.split.stress @ xp.where(kept, gamma / own.rows, 0.0))
 
 
-def size_along(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
+def size_along(
+    at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Solved | Factorisation
+) -> Float[Array, ""]:
     """The largest sum of the parts of an acceleration along a row, which may cancel in it."""
     jacobian, gamma, scales = at
     pulled, mass = xp.abs(jacobian).T @ xp.abs(solution.multipliers), xp.diagonal(factor.mass)

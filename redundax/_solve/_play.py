@@ -22,16 +22,18 @@ minimum, as a step of Newton's method from there has them.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._closures._closure import Elasticity
 from .._closures._play import Play
 from .._equations._factorisation import Factorisation
 from .._equations._unloaded import among_unloaded, unloaded
 from .._system._results import RESULTS, differs
+from .._system._state import State
+from .._system._system import AbstractSystem
 from .._tools._numbers import fori_loop, or_one, stop_gradient, take, while_loop, xp
 
 _SPLITTINGS = 20  # steps before each of Newton's, which has its region of convergence then in most cases
@@ -170,15 +172,28 @@ def with_play_of_contacts(elasticity: Elasticity, play: Play | None, one_sided: 
     return elasticity._replace(misfit=misfit)
 
 
-def at_sides(play: Play | None, solved: Callable[..., Any]) -> Callable[..., tuple[Any, Elasticity, Bool[Array, ""]]]:
+@runtime_checkable
+class Loaded(Protocol):
+    """What a solve gives: multipliers, and how it ended."""
+
+    @property
+    def multipliers(self) -> Array: ...
+    @property
+    def result(self) -> RESULTS: ...
+
+
+L = TypeVar("L", bound=Loaded)
+
+
+def at_sides(play: Play | None, solved: Callable[..., L]) -> Callable[..., tuple[L, Elasticity, Bool[Array, ""]]]:
     """Of `solved(system, state, factor, elasticity, ...)` the solution of joints with play, the closure that it has at
     their sides, and whether these are found."""
     if play is None:
         return lambda *given: (solved(*given), given[3], xp.ones((), bool))
 
     def run(
-        system: Any, state: Any, factor: Factorisation, elasticity: Elasticity, *more: Any
-    ) -> tuple[Any, Elasticity, Bool[Array, ""]]:
+        system: AbstractSystem, state: State, factor: Factorisation, elasticity: Elasticity, *more: PyTree
+    ) -> tuple[L, Elasticity, Bool[Array, ""]]:
         without, closure, settled, (sides, clearance) = at_own_sides(
             play, solved, (system, state, factor, elasticity, *more)
         )
@@ -189,7 +204,7 @@ def at_sides(play: Play | None, solved: Callable[..., Any]) -> Callable[..., tup
 
 
 def at_own_sides(
-    play: Play, solved: Callable[..., Any], given: tuple
+    play: Play, solved: Callable[..., L], given: tuple
 ) -> tuple[Factorisation, Elasticity, Bool[Array, ""], tuple[Sides, _Clearance]]:
     """The factorisation and the closure at the sides at which the solution is consistent with itself, and whether they
     are found; with the sides."""
@@ -204,7 +219,7 @@ def fitted(closure: Elasticity, sides: Sides, clearance: _Clearance, multipliers
     return closure._replace(misfit=closure.misfit - gaps - clearance.outside(multipliers))
 
 
-def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:
+def _found(play: Play, solved: Callable[..., L], given: tuple) -> _Turn:
     """The sides at which the solution is consistent with itself."""
     play, (system, state, factor, elasticity, *more) = stop_gradient((play, given))
     clearance, eps = _Clearance(play, factor, elasticity), float(xp.finfo(factor.gamma.dtype).eps)

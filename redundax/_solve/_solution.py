@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
-from .._system._contact import Contact, in_sentences, words
+from .._system._contact import in_sentences, words
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._pages import further, notes, numbers_of, outcome, ranges_of, values_of
@@ -140,7 +140,7 @@ class Solution(AbstractNamed):
         return joint_reactions(self.joint_coordinates, self._at, self.multipliers)
 
     @property
-    def contacts(self) -> dict[str, Contact | np.ndarray]:
+    def contacts(self) -> dict[str, str | np.ndarray]:
         """What each one-sided contact does, by the name of its joint or row: "carries", "touches" (closed without
         load), "lifts" or "open"; of a batch arrays of words."""
         if self.contact is None or self.names is None:

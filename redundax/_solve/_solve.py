@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from .._closures._closure import (
     AbstractClosure,
@@ -28,6 +28,7 @@ from .._closures._elastic_joints import ElasticJoints
 from .._closures._play import warn_of_idle_play
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
+from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at, factorisation_at
 from .._equations._matrices import matrices_of
 from .._equations._response import AbstractSolvedFactorisation, Response, times
@@ -166,7 +167,13 @@ def solve(
     return _told(solution, system, state, throw, factor)
 
 
-def _told(solution: Solution, system: AbstractSystem, state: State, throw: bool | None, factor: Any) -> Solution:
+def _told(
+    solution: Solution,
+    system: AbstractSystem,
+    state: State,
+    throw: bool | None,
+    factor: AbstractSolvedFactorisation | None,
+) -> Solution:
     """The solution with names, or an error."""
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
@@ -191,7 +198,7 @@ def _with_contacts(
     matrices_of(system).needs_dense(refusal)
     known = are_known(system, state, closure, solver, given)
 
-    def alone(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
+    def alone(opened: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity, *of: PyTree) -> Solution:
         return solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
 
     with computing() if known else contextlib.nullcontext():
@@ -284,13 +291,13 @@ def _solved_on(
     return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense), factor, chosen
 
 
-def _solved_at(*arguments: Any) -> Solution:
+def _solved_at(*arguments: PyTree) -> Solution:
     """The solution at a state that is not factorised yet."""
     return _solved_on(*arguments, factor=None)[0]
 
 
 @with_derivative_of(_solved_at, failed=lambda solution: solution.result != RESULTS.successful)
-def _solved_at_each(*arguments: Any) -> Solution:
+def _solved_at_each(*arguments: PyTree) -> Solution:
     """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
     system, _, _, closure, *_ = arguments
     if closure is None:
@@ -298,11 +305,11 @@ def _solved_at_each(*arguments: Any) -> Solution:
     return matrices_of(system).run(_solved_in_chunks, _solved_whole)(*arguments)
 
 
-def _solved_whole(*arguments: Any) -> Solution:
+def _solved_whole(*arguments: PyTree) -> Solution:
     return alike(_solved_at(*arguments), eqx.filter(arguments, eqx.is_array))
 
 
-def _solved_in_chunks(*arguments: Any) -> Solution:
+def _solved_in_chunks(*arguments: PyTree) -> Solution:
     system, state, *_ = arguments
     rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
@@ -350,7 +357,7 @@ def _end(
 
 
 @with_derivative_of(_end)
-def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+def _end_in_chunks(*arguments: PyTree) -> tuple[Response, Root, Array, RESULTS]:
     """`_end` in chunks."""
     return in_chunks(_end, *arguments)
 
@@ -368,7 +375,7 @@ def _solve_friction(
     if reduced.rows.size == 0:  # friction independent of load, (24)
         return _loadless(problem.law(problem.rho0)), None
     if is_open and x0 is not None:
-        return _open_newton(factor, reduced, problem, x0, solver)
+        return _open_newton(cast(Factorisation, factor), reduced, problem, x0, solver)
     guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
     return closed_root(problem, problem.law(guess), solver), None
 
@@ -389,7 +396,11 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Any, reduced: Reduced, problem: AbstractFrictionProblem, x0: Array, solver: AbstractSolver
+    factor: Factorisation,
+    reduced: Reduced,
+    problem: AbstractFrictionProblem,
+    x0: Array,
+    solver: AbstractSolver,
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows

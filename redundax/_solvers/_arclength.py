@@ -8,11 +8,11 @@ ends intersect there to 1e-9; so no solution just below a fold at s > 1 is stepp
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jaxtyping import Array, Bool, Float, Int
 
-from .._tools._numbers import chosen_of, fori_loop, solution, while_loop, xp
+from .._tools._numbers import Numeric, chosen_of, fori_loop, solution, while_loop, xp
 
 _FIRST, _LONGEST, _SHORTEST = 0.05, 1e3, 1e-9  # arclength steps, for y of size 1
 _CORRECTIONS = 4
@@ -64,7 +64,7 @@ def follow(
     def advance(path: Path) -> Path:
         guess = path.here + path.step[..., None] * path.tangent
 
-        def correct(_: Any, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        def correct(_: Numeric, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             x, _ = carry
             (residual, slope), beside = equations(x), xp.sum(path.tangent * (x - guess), axis=-1, keepdims=True)
             off = xp.concatenate([residual, beside], axis=-1)

@@ -14,7 +14,7 @@ K is a matrix here, and known by its products alone in `_product_problem`.
 import abc
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -345,7 +345,7 @@ def _radius_bound(matrix: Float[Numeric, "... p p"]) -> Float[Numeric, "..."]:
     Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
     """
 
-    def powered(_: Any, vector: Numeric) -> Numeric:
+    def powered(_: Numeric, vector: Numeric) -> Numeric:
         image = product(matrix, vector)
         size = xp.max(image, axis=-1, keepdims=True)
         return xp.where(size > 0, image / xp.where(size > 0, size, 1.0), vector) + 1e-3

@@ -10,7 +10,7 @@ columns, so that elimination needs no pivots. A joint's friction reads loads of 
 """
 
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._tools._by_number import dot, eliminate, rows
+from .._tools._numbers import Numeric
 from ._friction_problem import Law
 from ._iterate import Progress
 from ._open_problem import OpenEnd, OpenProblem
@@ -119,5 +120,5 @@ def _force(law: Law, *loads: Array) -> list[Array]:
     return list(law(jnp.stack(loads) if loads else jnp.zeros(0, law.rate.dtype)))
 
 
-def _read(slope: Slope, loads: list) -> Any:
+def _read(slope: Slope, loads: list[Array]) -> Numeric:
     return sum(entry * loads[k] for k, entry in slope.items())

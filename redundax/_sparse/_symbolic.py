@@ -7,7 +7,6 @@ the own and the border rows of each front of `_tree`; fronts of one height are p
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Bool, UInt
@@ -145,7 +144,7 @@ class _Layout:
         sorting = np.argsort(np.concatenate(keys))
         self.keys, self.local = np.concatenate(keys)[sorting], np.concatenate(local)[sorting]
 
-    def within(self, front: Any, row: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def within(self, front: np.ndarray | int, row: np.ndarray, other: np.ndarray) -> np.ndarray:
         """Where the entry of two rows is in a front, below its diagonal."""
         one, two = (self.local[np.searchsorted(self.keys, front * (self.m + 1) + each)] for each in (row, other))
         return self.begin[front] + np.maximum(one, two) * self.wide[front] + np.minimum(one, two)

@@ -8,14 +8,17 @@ import json
 import math
 import sys
 import time
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import netCDF4
 
 _CPU_SECONDS = 2  # a sound file with a thousand labels takes a hundredth of it
 
 
-def contents(data: Any) -> dict[str, Any]:
+def contents(data: "netCDF4.Dataset") -> dict[str, object]:
     """By name, what can be compared: sizes of dimensions, variables with all texts in them, attributes of the file."""
-    found: dict[str, Any] = {f"dimension {name!r}": len(dim) for name, dim in data.dimensions.items()}
+    found: dict[str, object] = {f"dimension {name!r}": len(dim) for name, dim in data.dimensions.items()}
     for name, variable in data.variables.items():
         shape = [str(variable.dtype), *variable.dimensions]
         texts = variable[:].tolist() if variable.dtype is str else None
@@ -23,7 +26,7 @@ def contents(data: Any) -> dict[str, Any]:
     return found | {f"attribute {name!r}": value for name, value in _attributes(data).items()}
 
 
-def _attributes(item: Any) -> dict[str, Any]:
+def _attributes(item: "netCDF4.Dataset | netCDF4.Variable") -> dict[str, object]:
     values = {name: item.getncattr(name) for name in item.ncattrs()}
     return {name: value.tolist() if hasattr(value, "tolist") else value for name, value in values.items()}
 

@@ -13,11 +13,14 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import _contents
+
+if TYPE_CHECKING:
+    import netCDF4
 
 _SECONDS = 60  # for a look at a file that takes less than one; a loop in HDF5 is ended by its share of processor time
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -45,7 +48,7 @@ def no_room(path: Path, size: int) -> str:
     )
 
 
-def stored_contents(path: Path) -> dict[str, Any]:
+def stored_contents(path: Path) -> dict[str, object]:
     """What a file holds beside its numbers, as `contents` of it; `OSError` where that cannot be read.
 
     A process of its own reads it, since HDF5 may crash or never end on a damaged file.
@@ -99,7 +102,7 @@ def _megabytes(size: int) -> str:
 # Check sums -----------------------------------------------------------------------------------
 
 
-def create_checks(data: Any) -> None:
+def create_checks(data: "netCDF4.Dataset") -> None:
     """Make the place of the check sums in a new file."""
     group = data.createGroup("checks")
     group.createDimension("chunk", None)
@@ -107,14 +110,14 @@ def create_checks(data: Any) -> None:
         group.createVariable(name, dtype, ("chunk",), chunksizes=(1024,))
 
 
-def add_check(data: Any, first: int, end: int, values: Mapping[str, np.ndarray]) -> None:
+def add_check(data: "netCDF4.Dataset", first: int, end: int, values: Mapping[str, np.ndarray]) -> None:
     """Add the check sum of samples after those of the samples before."""
     group = data["checks"]
     number = int(np.searchsorted(_ends(group), first, side="right"))
     group["end"][number], group["sum"][number] = end, _sum(values)
 
 
-def damage(data: Any, names: tuple[str, ...], done: int) -> str:
+def damage(data: "netCDF4.Dataset", names: tuple[str, ...], done: int) -> str:
     """Which of the first samples are not as they were written, as "samples 0 to 9"; else ""."""
     first = 0
     try:
@@ -129,7 +132,7 @@ def damage(data: Any, names: tuple[str, ...], done: int) -> str:
     return "" if first == done else f"samples {first} to {done - 1}"
 
 
-def _ends(group: Any) -> np.ndarray:
+def _ends(group: "netCDF4.Group") -> np.ndarray:
     return np.ma.getdata(group["end"][:])
 
 

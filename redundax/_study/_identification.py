@@ -3,10 +3,11 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from .._tools._numbers import Numeric
 from .._tools._table import text_of
 from ._combination import Combination, Points, word
 from ._distributions import entries
@@ -103,7 +104,7 @@ class Identification:
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
 
 
-def restore(shapes: Shapes, vector: Any) -> dict[str, Any]:
+def restore(shapes: Shapes, vector: Numeric) -> dict[str, Numeric]:
     """The parameters from a vector of all their entries."""
     out, first = {}, 0
     for name, shape in shapes:

@@ -16,7 +16,6 @@ converged, whatever made it stop.
 """
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -154,7 +153,7 @@ def _searches(
         value = ((given - data) / sigma).ravel()
         return value, value
 
-    def linear(u: Array, _: Any) -> Array:
+    def linear(u: Array, _: object) -> Array:
         # A step asks for the residual, then for its derivative: one program gives both, so that it is compiled once.
         here = jax.lax.stop_gradient(u)
         slopes, value = jax.jacfwd(residual, has_aux=True)(here)

@@ -7,10 +7,11 @@ ended is a code, with the meaning of every code beside it (`flag_values` and `fl
 import dataclasses
 import hashlib
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from .._system._axis import Axis
 from .._system._named import AbstractNamed
@@ -20,6 +21,10 @@ from .._system._system import AbstractSystem
 from .._system._units import UNSTATED, StatedUnits
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
+from .._tools._numbers import Numeric
+
+if TYPE_CHECKING:
+    import xarray
 
 SAMPLE = "sample"
 _LABELLED = {array: quantity.axis for array, quantity in KEPT.items()} | {"sense": "slip"}
@@ -33,7 +38,7 @@ class Variable:
     shape: tuple[int, ...]
     dtype: np.dtype
     dims: tuple[str, ...]
-    attrs: dict[str, Any]
+    attrs: dict[str, str | np.ndarray]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,12 +62,12 @@ class Layout:
         return digest.hexdigest()
 
 
-def named(tree: Any) -> dict[str, Any]:
+def named(tree: PyTree) -> dict[str, Numeric]:
     """The arrays of a pytree, or their shapes, by the path that leads to them; results as codes."""
     return {name: jax.tree.leaves(leaf)[0] for name, leaf in _leaves(tree).items()}
 
 
-def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSystem | None) -> Layout:
+def layout(samples: Mapping[str, np.ndarray], outputs: PyTree, system: AbstractSystem | None) -> Layout:
     """The layout for samples and for what one sample gives, a pytree of shapes as of `jax.eval_shape`."""
     given = {name: Variable(v.shape[1:], v.dtype, _dims(name, v.shape[1:]), {}) for name, v in samples.items()}
     names = _names(outputs) if system is None else system.names
@@ -94,7 +99,7 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
 
 
-def outcomes(results: Any) -> dict[str, int]:
+def outcomes(results: "xarray.DataArray") -> dict[str, int]:
     """How many of the results of a study are which."""
     meanings = dict(zip(results.flag_values, results.flag_meanings.split(), strict=True))
     codes, counts = np.unique(results.values, return_counts=True)
@@ -106,25 +111,25 @@ def storable(dtype: np.dtype) -> bool:
     return dtype.kind in "biu" or dtype in (np.float32, np.float64)
 
 
-def _leaves(tree: Any) -> dict[str, Any]:
+def _leaves(tree: PyTree) -> dict[str, PyTree]:
     tree = jax.tree.map(_figures, tree, is_leaf=lambda x: isinstance(x, AbstractNamed))
     leaves = jax.tree_util.tree_flatten_with_path(tree, is_leaf=lambda x: isinstance(x, RESULTS))[0]
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
-def _figures(result: Any) -> Any:
+def _figures(result: PyTree) -> PyTree:
     """A result without what says where its figures are."""
     return replace_fields(result, state=None, joint_coordinates=None) if isinstance(result, AbstractNamed) else result
 
 
-def _names(outputs: Any) -> Names | None:
+def _names(outputs: PyTree) -> Names | None:
     """Those of the first result that has some."""
     found = jax.tree.leaves(outputs, is_leaf=lambda x: isinstance(x, AbstractNamed))
     return next((one.names for one in found if isinstance(one, AbstractNamed) and one.names), None)
 
 
-def _variable(name: str, leaf: Any, axes: Mapping[str, Axis], units: StatedUnits) -> Variable:
-    attrs: dict[str, Any] = {}
+def _variable(name: str, leaf: PyTree, axes: Mapping[str, Axis], units: StatedUnits) -> Variable:
+    attrs: dict[str, str | np.ndarray] = {}
     if isinstance(leaf, RESULTS):
         leaf = jax.tree.leaves(leaf)[0]
         attrs = flags(leaf.dtype)

@@ -19,11 +19,12 @@ from ._disk import add_check, create_checks, damage, no_room, reserve, stored_co
 from ._layout import SAMPLE, Layout, Variable
 
 if TYPE_CHECKING:
+    import netCDF4
     import xarray
 
 _FINGERPRINT, _DONE = "attribute 'fingerprint'", "attribute 'done'"
 # Files that datasets of this program read; closed before they are written, they open again when a value is asked for.
-_READ: dict[Path, Any] = {}
+_READ: "dict[Path, xarray.Dataset]" = {}
 
 
 class Memory:
@@ -110,7 +111,7 @@ class File:
             self.close()
             self._data = optional("netCDF4").Dataset(self._path, "a")
 
-    def _difference_of_contents(self, found: dict[str, Any], fingerprint: str) -> str:
+    def _difference_of_contents(self, found: dict[str, object], fingerprint: str) -> str:
         """Which parts of the file beside its numbers are not those of a new file of this study."""
         with optional("netCDF4").Dataset("new", "w", diskless=True) as data:
             self._lay_out(data, fingerprint)
@@ -135,7 +136,7 @@ class File:
             self._path.unlink()
             self.problem = f"{no_room(self._path, self._size)} ({error})."
 
-    def _lay_out(self, data: Any, fingerprint: str) -> None:
+    def _lay_out(self, data: "netCDF4.Dataset", fingerprint: str) -> None:
         data.set_fill_off()
         sizes = {dim: len(labels) for dim, labels in self._layout.labels.values()}
         sizes[SAMPLE] = self._layout.size

@@ -13,11 +13,12 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from jax.sharding import Mesh
+from jaxtyping import PyTree
 
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def study(
-    run: Callable[..., Any],
+    run: Callable[..., PyTree],
     samples: Mapping[str, Numbers],
     *,
     system: AbstractSystem | None = None,

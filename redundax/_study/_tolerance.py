@@ -11,14 +11,14 @@ linear law of the parameters explains: curvature, reversals of a load, parameter
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jax.sharding import Mesh
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from .._solve._solution import Solution
 from .._system._named import AbstractNamed
@@ -56,7 +56,7 @@ class _Outputs(AbstractNamed):
 
 
 def tolerance_study(
-    build: Callable[..., Any],
+    build: Callable[..., PyTree],
     parameters: Mapping[str, AbstractDistribution],
     *,
     samples: int = 4096,
@@ -112,7 +112,7 @@ def tolerance_study(
     _check(parameters, samples, percentiles)
     check_call("build", build, **parameters)
 
-    def run(**values: Array) -> Any:
+    def run(**values: Array) -> PyTree:
         found = build(**values)
         if isinstance(found, Solution):
             return _Outputs(found.acceleration, found.multipliers, found.friction, found.result, names=found.names)
@@ -158,7 +158,7 @@ class _Linear(NamedTuple):
     gradient: np.ndarray
 
 
-def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistribution]) -> _Linear:
+def _linear(run: Callable[..., PyTree], parameters: Mapping[str, AbstractDistribution]) -> _Linear:
     flat, listed = ravel_pytree([jnp.asarray(one.nominal) for one in parameters.values()])
 
     def restore(vector: Array) -> dict[str, Array]:
@@ -195,7 +195,7 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
     return _Linear(names, np.asarray(nominal), np.asarray(gradient))
 
 
-def _is_result(leaf: Any) -> bool:
+def _is_result(leaf: object) -> bool:
     return isinstance(leaf, RESULTS)
 
 
@@ -254,7 +254,7 @@ def _standard(given: Mapping[str, np.ndarray], parameters: Mapping[str, Abstract
 
 def _statistics(
     data: "xarray.Dataset", names: Sequence[str], solved: np.ndarray, inputs: np.ndarray, percentiles: Sequence[float]
-) -> dict[str, tuple[Any, np.ndarray]]:
+) -> dict[str, tuple[str | tuple[str, ...], np.ndarray]]:
     """Of every entry of every output, over the samples that have a solution."""
     inputs = inputs[: solved.size][solved]
     inputs = inputs - inputs.mean(axis=0)
@@ -276,8 +276,8 @@ def _together(
     data: "xarray.Dataset",
     linear: _Linear,
     solved: np.ndarray,
-    statistics: dict[str, tuple[Any, np.ndarray]],
-    coords: dict[str, Any],
+    statistics: dict[str, tuple[str | tuple[str, ...], np.ndarray]],
+    coords: dict[str, object],
 ) -> "xarray.Dataset":
     """The dataset of the study with all that was found."""
     outputs, kinds, units = _output_labels(data, linear.names)

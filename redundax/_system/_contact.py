@@ -2,13 +2,12 @@
 
 import enum
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Bool
 
 from .._tools._errors import RedundaxError
-from .._tools._numbers import take, xp
+from .._tools._numbers import Numeric, take, xp
 from ._names import Names
 
 
@@ -35,7 +34,7 @@ UNKNOWN = -1  # in arrays, where there is no answer
 LEFT_OUT = tuple(map(code_of, (Contact.open, Contact.lifts)))  # codes of what carries in no solution
 
 
-def rows_that_hold(names: Names, loaded: Any, closed: Any) -> Bool[Array, " m"]:
+def rows_that_hold(names: Names, loaded: Numeric, closed: Numeric) -> Bool[Array, " m"]:
     """All rows but those of contacts that do not hold, (contacts,) each: the one-sided row holds where it is loaded,
     and rows of velocity that are tied to it where it is closed."""
     count = len(names.one_sided)
@@ -68,7 +67,7 @@ def rows_closed(names: Names, contacts: Mapping[str, str]) -> tuple[Bool[np.ndar
     return closed, rows_that_hold(names, closed, closed)
 
 
-def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
+def words(codes: Numeric, names: tuple[str, ...]) -> dict[str, str | np.ndarray]:
     """What contacts do, by name, and "" where it is not known; of a batch arrays of words."""
     table = np.array([*map(str, _WORDS), ""])
     columns = np.moveaxis(np.asarray(codes), -1, 0)
@@ -78,7 +77,7 @@ def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def in_sentences(contacts: dict[str, Any]) -> list[str]:
+def in_sentences(contacts: Mapping[str, str | np.ndarray]) -> list[str]:
     """A line on the contacts of one state, as in "Contacts f1, f4: lifts; f2, f3: carries"; of a batch none."""
     if not contacts or any(np.ndim(does) for does in contacts.values()):
         return []

@@ -8,7 +8,7 @@ one of a joint. The rows stand behind those of the system and are called "name d
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, Self
+from typing import Self
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from .._system._friction import AbstractFriction
 from .._tools._module import replace_fields
 from ._axis import Axis, join
 from ._joint_coordinates import AbstractJointCoordinates, JointMotion
@@ -43,7 +44,7 @@ class Driven(AbstractSystem):
         return self.base
 
     @property
-    def friction(self) -> Any:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def friction(self) -> tuple[AbstractFriction, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.base.friction
 
     @property
@@ -51,11 +52,11 @@ class Driven(AbstractSystem):
         return self.base.slips
 
     @property
-    def radian(self) -> Any:
+    def radian(self) -> ArrayLike:
         return self.base.radian
 
     @property
-    def length(self) -> Any:
+    def length(self) -> ArrayLike:
         return self.base.length
 
     @property
@@ -170,7 +171,7 @@ class _Joints(AbstractJointCoordinates):
         return self.inner.wraps
 
     @property
-    def radian(self) -> Any:
+    def radian(self) -> ArrayLike:
         return self.inner.radian
 
     @property

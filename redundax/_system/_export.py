@@ -1,7 +1,7 @@
 """Results as tables of pandas and datasets of xarray, by name and with units in their attributes."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -44,8 +44,8 @@ def frame_of(found: Any) -> "pandas.DataFrame":
 def dataset_of(found: Any) -> "xarray.Dataset":
     """The arrays of a result with names, along samples, times and the names of their entries."""
     dims, names = _dims(found), found.names
-    data: dict[str, Any] = {}
-    labels: dict[str, Any] = {}
+    data: dict[str, object] = {}
+    labels: dict[str, object] = {}
     for array, values in _arrays(found).items():
         quantity = QUANTITIES[array]
         axis = names.axes[quantity.axis]
@@ -60,7 +60,7 @@ def dataset_of(found: Any) -> "xarray.Dataset":
     return optional("xarray").Dataset(data, labels)
 
 
-def bands_dataset(found: Any, dims: Sequence[str], labels: dict[str, Any]) -> "xarray.Dataset":
+def bands_dataset(found: Any, dims: Sequence[str], labels: Mapping[str, object]) -> "xarray.Dataset":
     """Bands along these dimensions, the last of them that of the outputs."""
     arrays = ("lower", "upper", "exact", "outer_lower", "outer_upper")
     outputs = {name: (dims[-1], list(getattr(found, f"{name}s"))) for name in ("kind", "unit")}

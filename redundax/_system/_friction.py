@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
-from .._tools._numbers import known, of_model, xp
+from .._tools._numbers import Numeric, known, of_model, xp
 from .._tools._value import AbstractModule
 from ._axis import Axis, join
 from ._state import State
@@ -221,8 +221,8 @@ def _by_group(groups: Sequence[AbstractFriction], slips: Float[Array, " p"]) -> 
 
 @of_model
 def largest_changes(
-    groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"], rate: Float[Array, " p"], state: State
-) -> Float[Array, "p columns"]:
+    groups: Sequence[AbstractFriction], loads: Float[Numeric, "l columns"], rate: Float[Numeric, " p"], state: State
+) -> Float[Numeric, "p columns"]:
     """Bounds of |change of tau| of all groups from each column of changes of their concatenated loads."""
 
     def of_one(change: Float[Array, " l"]) -> Float[Array, " p"]:

@@ -10,13 +10,12 @@ that a position gives but for whole turns is followed along a motion by its rate
 """
 
 import abc
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._tools._module import replace_fields
 from .._tools._numbers import of_model, on_numbers
@@ -109,8 +108,8 @@ def _at_state(joints: AbstractJointCoordinates, state: State, multipliers: Array
 
 
 @of_model
-def _everywhere(what: str, joints: AbstractJointCoordinates, state: State, values: Array, times: bool) -> Any:
-    def of_one(joints: AbstractJointCoordinates, *given: Any) -> Any:
+def _everywhere(what: str, joints: AbstractJointCoordinates, state: State, values: Array, times: bool) -> PyTree:
+    def of_one(joints: AbstractJointCoordinates, *given: PyTree) -> PyTree:
         function = getattr(joints, what)
         found = jax.vmap(function)(*given) if times else function(*given)
         return _followed(found, given[0].t, joints) if times and what == "motion" else found

@@ -16,7 +16,7 @@ Names never reach compiled programs: systems go there anonymous, and results get
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -282,7 +282,7 @@ def indices_of(argument: str, name: str, known: Sequence[str], what: str = "", a
 def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
     """Numbers along an axis: given by name, 0 for those not named; else as given, a number for equal entries."""
     if isinstance(value, Mapping):
-        found: list[Any] = [0.0] * len(axis)
+        found: list[ArrayLike] = [0.0] * len(axis)
         for name, number in value.items():
             found[index_of(argument, name, axis.labels, what)] = number
         return as_float(found, argument)

@@ -2,11 +2,11 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from .._tools._numbers import Numeric
 from .._tools._table import WIDTH, Group, figures, group
 from ._axis import Axis
 from ._names import QUANTITIES, Names, Quantity
@@ -38,7 +38,7 @@ def by_unit(
     ]
 
 
-def values_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
+def values_of(names: Names, *arrays: tuple[str, Numeric]) -> list[Group]:
     """One column for each of these arrays by `Quantity`, which have the axis of the last, or the linear part of it; one
     alone has its own names."""
     quantity, alone = QUANTITIES[arrays[-1][0]], len(arrays) == 1
@@ -53,7 +53,7 @@ def values_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
     return by_unit(axis, heading, labels, *columns)
 
 
-def spans_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
+def spans_of(names: Names, *arrays: tuple[str, Numeric]) -> list[Group]:
     """The same for the least and the largest of these arrays over all axes but the last."""
     quantity = QUANTITIES[arrays[0][0]]
     axis = names.axes[quantity.axis]
@@ -64,7 +64,7 @@ def spans_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
     return by_unit(axis, heading, axis.labels, *(column for _, values in arrays for column in _ends(values)))
 
 
-def ranges_of(names: Names, array: str, values: Any, samples: str = "") -> list[Group]:
+def ranges_of(names: Names, array: str, values: Numeric, samples: str = "") -> list[Group]:
     """Least and largest of each entry over all axes but the last, and how many `samples`, in a word, have none."""
     quantity = QUANTITIES[array]
     axis, last = names.axes[quantity.axis], (samples,) if samples else ()
@@ -85,7 +85,7 @@ def _labels(quantity: Quantity, names: Names) -> list[str]:
     return [quantity.pattern.format(label) + on.get(label, "") for label in names.axes[quantity.axis].labels]
 
 
-def _ends(values: Any) -> list[list[str]]:
+def _ends(values: Numeric) -> list[list[str]]:
     """Columns of the least and of the largest; NaN where there is none."""
     flat = _flat(values)
     missing = np.isnan(flat)
@@ -96,7 +96,7 @@ def _ends(values: Any) -> list[list[str]]:
     return [figures(np.where(missing.all(axis=0), np.nan, end), flat, 5) for end in ends]
 
 
-def _flat(values: Any) -> np.ndarray:
+def _flat(values: Numeric) -> np.ndarray:
     values = np.asarray(values)
     return values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
 
@@ -110,7 +110,7 @@ def outcome(result: RESULTS, what: str) -> list[str]:
     return textwrap.wrap(f"{what}: {RESULTS[result]}", WIDTH)
 
 
-def numbers_of(figures: dict[str, Any]) -> list[str]:
+def numbers_of(figures: Mapping[str, Numeric]) -> list[str]:
     """Numbers with what they count or measure; of several the least and the largest."""
     ends = {name: dict.fromkeys(f"{end(x):.4g}" for end in (np.min, np.max)) for name, x in figures.items()}
     return textwrap.wrap(", ".join(f"{name} {' to '.join(span)}" for name, span in ends.items()), WIDTH)

@@ -5,12 +5,11 @@ Numbers are given only with `RESULTS.successful`; with every other result the ar
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
 from .._tools._module import is_concrete
 from .._tools._numbers import is_number, xp
@@ -19,7 +18,7 @@ from .._tools._numbers import is_number, xp
 class _Words(type(eqx.Enumeration)):
     """An enumeration that tells of a batch how many ended in which way."""
 
-    def __getitem__(cls, item: Any) -> str:
+    def __getitem__(cls, item: PyTree) -> str:
         item = jax.tree.map(lambda code: np.asarray(code) if isinstance(code, np.generic | int) else code, item)
         codes = next(iter(jax.tree.leaves(item)), None)
         if not isinstance(codes, np.ndarray | jax.Array) or not is_concrete(codes) or codes.ndim == 0:
@@ -214,7 +213,7 @@ def result_codes() -> dict[str, int]:
     return {name: int(jax.tree.leaves(getattr(RESULTS, name))[0]) for name in RESULTS.__members__}
 
 
-def flags(dtype: np.dtype) -> dict[str, Any]:
+def flags(dtype: np.dtype) -> dict[str, str | np.ndarray]:
     """What every number of results stands for, as the CF conventions write it into the attributes of a data set."""
     codes = result_codes()
     return {"flag_values": np.array([*codes.values()], dtype), "flag_meanings": " ".join(codes)}

@@ -1,7 +1,6 @@
 """The known state (q, qd, t) at which the index-1 equations (7), (25) are solved."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete
+from .._tools._numbers import Numeric
 from .._tools._table import are_known, figures, group, page
 from .._tools._value import AbstractModule
 from ._results import RESULTS, first_failure
@@ -54,7 +54,7 @@ class State(AbstractModule):
         self.t = as_float(t, "t").astype(self.qd.dtype)
         self.memory = memory
 
-    def __getitem__(self, which: Any) -> "State":
+    def __getitem__(self, which: Numeric | slice) -> "State":
         """Of several states those at some places along their first axis, as of an array."""
         if self.t.ndim == 0 or isinstance(which, str | tuple) or which is Ellipsis:
             raise RedundaxError(

@@ -13,7 +13,7 @@ Phi they are zero whatever the position, in Phi_q they are A, in Phi_q qd + Phi_
 
 import abc
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Self, cast
+from typing import NamedTuple, Self, cast
 
 import equinox as eqx
 import jax
@@ -55,9 +55,9 @@ class Path(NamedTuple):
     """q', the field d/dr (q [+] r qd) at r = 0; poses of bodies, their rates, and the rates of these along it."""
 
     chart: Float[Array, "..."]
-    poses: Any
-    rate: Any
-    bend: Any
+    poses: PyTree
+    rate: PyTree
+    bend: PyTree
 
 
 class AbstractSystem(AbstractModule):
@@ -180,21 +180,21 @@ class AbstractSystem(AbstractModule):
         """The velocity at which positions have a rate, nearest to it, where it has a form of its own."""
         return None
 
-    def constraint_at(self, at: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
+    def constraint_at(self, at: PyTree, t: Float[Array, ""]) -> Float[Array, " m"]:
         """`constraint` at poses of bodies, where there is a path."""
         raise NotImplementedError
 
     def velocity_constraint_at(
-        self, at: Any, rate: Any, qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
+        self, at: PyTree, rate: PyTree, qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
     ) -> Float[Array, " m"]:
         """`velocity_constraint` at poses of bodies that have rates, where there is a path."""
         raise NotImplementedError
 
-    def slips_at(self, at: Any) -> Float[Array, " p"]:
+    def slips_at(self, at: PyTree) -> Float[Array, " p"]:
         """Slips of all friction groups at poses of bodies, where there is a path: no functions of time."""
         raise NotImplementedError
 
-    def slip_directions(self, at: Any) -> Float[Array, "n p"]:
+    def slip_directions(self, at: PyTree) -> Float[Array, "n p"]:
         """E of all friction groups at poses of bodies, where there is a path."""
         raise NotImplementedError
 
@@ -557,7 +557,7 @@ def _length_of(length: ArrayLike | None, coordinates: Axis, units: StatedUnits) 
     return size
 
 
-def _count(kinds: Any) -> int | None:
+def _count(kinds: Axis | Sequence[str] | str) -> int | None:
     return None if isinstance(kinds, str) else len(kinds)
 
 

@@ -1,13 +1,12 @@
 """Rows of velocity that a user writes, A(q, t) qd - b(q, t): how many there are, and whether they are affine in qd."""
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._tools._errors import RedundaxError
 from .._tools._module import tracing
@@ -16,12 +15,12 @@ from .._tools._numbers import are_known
 _AFFINE = 1e-4  # relative: float32 leaves 1e-6 of terms that cancel, and what is not affine is off by about 1
 
 
-def no_positions(q: Array, t: Array, parameters: Any) -> Float[Array, " 0"]:
+def no_positions(q: Array, t: Array, parameters: PyTree) -> Float[Array, " 0"]:
     """The residual of no constraint."""
     return jnp.zeros(0, q.dtype)
 
 
-def rows_of_velocity(function: Callable[..., Array], parameters: Any, n: int) -> int:
+def rows_of_velocity(function: Callable[..., Array], parameters: PyTree, n: int) -> int:
     """How many rows it gives for n velocities; refused if not affine in them at a position of no symmetry."""
     numbers = np.arange(1.0, n + 1)
     one, two = np.sin(numbers), np.cos(3 * numbers)
@@ -47,6 +46,6 @@ def rows_of_velocity(function: Callable[..., Array], parameters: Any, n: int) ->
 
 @eqx.filter_jit
 def _values(
-    function: Callable[..., Array], q: Float[Array, " n"], qds: Float[Array, "4 n"], parameters: Any
+    function: Callable[..., Array], q: Float[Array, " n"], qds: Float[Array, "4 n"], parameters: PyTree
 ) -> Float[Array, "4 k"]:
     return jax.vmap(lambda qd: function(q, qd, jnp.full((), 0.3, q.dtype), parameters))(qds)

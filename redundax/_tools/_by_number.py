@@ -4,12 +4,11 @@ A batch of LAPACK calls or of reductions pays for every small matrix by itself.
 """
 
 import functools
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from jaxtyping import Array, Float
 
-from ._numbers import xp
+from ._numbers import Numeric, xp
 
 FEW = 6  # unknowns, at most
 _ENTRIES = 12  # of a vector, or along an axis, that are reduced, at most
@@ -20,7 +19,7 @@ def rows(matrix: Array) -> list[list[Array]]:
     return [list(row) for row in matrix]
 
 
-def dot(a: list, b: list) -> Any:
+def dot(a: Sequence[Numeric], b: Sequence[Numeric]) -> Numeric:
     """Product of two vectors of numbers."""
     return sum(x * y for x, y in zip(a, b, strict=True))
 

@@ -1,7 +1,7 @@
 """Linear maps that are known by their products alone, where matrices would be too large."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import overload
 
 import equinox as eqx
 import jax
@@ -16,17 +16,21 @@ _POWERS, _LAST = 8, 4  # of a map, and those whose growth is its spectral radius
 class LinearMap(AbstractModule):
     """`function(*given, vector)`, linear in the vector."""
 
-    function: Callable[..., Any] = eqx.field(static=True)
+    function: Callable[..., Array] = eqx.field(static=True)
     given: tuple[PyTree, ...]
 
-    def __matmul__(self, other: Any) -> Any:
+    @overload
+    def __matmul__(self, other: "LinearMap") -> "LinearMap": ...
+    @overload
+    def __matmul__(self, other: Array) -> Array: ...
+    def __matmul__(self, other: "Array | LinearMap") -> "Array | LinearMap":
         """What it makes of a vector, or of what another map makes."""
         if isinstance(other, LinearMap):
             return LinearMap(_after, (self, other))
         return self.function(*self.given, other)
 
 
-def _after(outer: LinearMap, inner: LinearMap, vector: Float[Array, " p"]) -> Any:
+def _after(outer: LinearMap, inner: LinearMap, vector: Float[Array, " p"]) -> Float[Array, " p"]:
     return outer @ (inner @ vector)
 
 

@@ -9,6 +9,7 @@ import operator
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from types import ModuleType, UnionType
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -17,7 +18,7 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike, DTypeLike
-from jaxtyping import Array, Bool, Float, Integer, Num
+from jaxtyping import Array, Bool, Float, Integer, Num, PyTree
 
 from ._compilation import is_loopless
 from ._errors import RedundaxError
@@ -81,7 +82,7 @@ def _float_types(dtype: np.dtype, _wide: bool) -> np.dtype:  # as JAX takes tens
     return jnp.result_type(np.empty(0, dtype), float)
 
 
-def numpy_of(*values: Any) -> Any:
+def numpy_of(*values: PyTree) -> ModuleType:
     """NumPy where all values are known, and else `jax.numpy`: of the same names."""
     return np if all(map(is_concrete, jax.tree.leaves(values))) else jnp
 
@@ -107,18 +108,18 @@ def optional_float(value: Numbers | None) -> Array | None:
 class Plain(AbstractModule):
     """A function without numbers of its own as a pytree without leaves, so that it passes through `jax.jit`."""
 
-    function: Callable[..., Any] = eqx.field(static=True)
+    function: Callable[..., PyTree] = eqx.field(static=True)
 
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
+    def __call__(self, *arguments: PyTree, **named: PyTree) -> PyTree:
         return self.function(*arguments, **named)
 
 
-def as_functions(tree: Any) -> Any:
+def as_functions(tree: PyTree) -> PyTree:
     """A function or a pytree that holds some, with functions that are no pytrees themselves as `Plain` ones."""
     return jax.tree.map(lambda x: Plain(x) if callable(x) else x, tree)
 
 
-def as_parameters(tree: Any) -> Any:
+def as_parameters(tree: PyTree) -> PyTree:
     """The pytree with its numbers as arrays, each of its own kind."""
     return jax.tree.map(jnp.asarray, as_functions(tree))
 
@@ -129,7 +130,7 @@ def cores() -> int:
     return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
-def is_concrete(value: Any) -> bool:
+def is_concrete(value: object) -> bool:
     """Whether the value is there to be checked, not traced."""
     return not isinstance(value, jax.core.Tracer)
 
@@ -150,7 +151,7 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
-def check_takes(argument: str, function: Callable[..., Any], *given: str) -> None:
+def check_takes(argument: str, function: Callable[..., object], *given: str) -> None:
     """Refuse a function of the user that does not take what it will be given, one after the other."""
     try:
         wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
@@ -165,7 +166,7 @@ def check_takes(argument: str, function: Callable[..., Any], *given: str) -> Non
         ) from None
 
 
-def check_call(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> None:
+def check_call(name: str, function: Callable[..., object], *arguments: object, **named: object) -> None:
     """Refuse arguments that a function of the user does not take."""
     wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
     try:
@@ -185,7 +186,7 @@ def part(owner: str) -> Iterator[None]:
         raise RedundaxError(str(error).replace("` must", f"` of {owner} must", 1)) from None
 
 
-def check_kind(argument: str, value: object, kind: Any, what: str, advice: str) -> None:
+def check_kind(argument: str, value: object, kind: type | tuple[type, ...] | UnionType, what: str, advice: str) -> None:
     """Refuse what is not of a kind, such as a class where one of its objects is wanted.
 
     `what` says what the argument must be, `advice` what may be given.
@@ -217,7 +218,7 @@ def check_position(q: Array, n: int) -> None:
         )
 
 
-def replace_fields(module: T, **fields: Any) -> T:
+def replace_fields(module: T, **fields: object) -> T:
     """A copy of the frozen `module` with the given fields replaced, without running its `__init__`."""
     copy = object.__new__(type(module))
     for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]

@@ -10,12 +10,12 @@ NaN, as the tangent of its cotangent is a product with its value.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
 from ._numbers import are_numbers, custom_jvp, is_number, xp
 
@@ -63,7 +63,7 @@ def cut_where(failed: Bool[Array, ""], tree: T) -> T:
     )
 
 
-def spoiled_where(failed: Bool[Array, ""], tree: T, given: Any, lose: Callable[..., Array] = nan_where) -> T:
+def spoiled_where(failed: Bool[Array, ""], tree: T, given: PyTree, lose: Callable[..., Array] = nan_where) -> T:
     """The same, NaN where a call has failed, and so are its derivatives by all that was given; of tangents by
     `nan_derivative_where`."""
     if are_numbers(failed, tree):

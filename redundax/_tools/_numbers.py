@@ -19,9 +19,10 @@ import functools
 import inspect
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from types import ModuleType
+from typing import Any, Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -29,13 +30,17 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import jaxpr_as_fun
+from jax.typing import DTypeLike
+from jaxtyping import Array, PyTree
 from threadpoolctl import ThreadpoolController
 
 from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
 from ._interpreted import Interpreted, count
 
+P = ParamSpec("P")
 T = TypeVar("T")
-F = TypeVar("F", bound=Callable[..., Any])
+S = TypeVar("S")
+Rule = TypeVar("Rule", bound=Callable[..., tuple])
 
 Numeric: TypeAlias = Any  # arrays of NumPy or of JAX: a type checker knows no type of both
 
@@ -43,7 +48,7 @@ _SEQUENCE, _OF_JAX, _OTHER = range(3)
 _kinds: dict[type, int] = {}  # of types, as JAX's own check takes longer
 
 
-def is_number(x: Any) -> bool:
+def is_number(x: PyTree) -> bool:
     """Whether it is no array of JAX, nor a list or tuple of such."""
     kind = _kinds.get(type(x))
     if kind is None:
@@ -54,18 +59,18 @@ def is_number(x: Any) -> bool:
     return all(map(is_number, x)) if kind == _SEQUENCE else kind == _OTHER
 
 
-def is_model(x: Any) -> bool:
+def is_model(x: object) -> bool:
     """Whether it is a part of the model, whose numbers programs alone read."""
     return getattr(x, "is_model", False)
 
 
-def are_numbers(*trees: Any) -> bool:
+def are_numbers(*trees: PyTree) -> bool:
     """Whether no leaf is an array of JAX, but for those of a model, of which none is traced."""
     leaves = jax.tree.leaves(trees, is_leaf=is_model)
     return all(are_known(x) if is_model(x) else is_number(x) for x in leaves)
 
 
-def are_known(*trees: Any) -> bool:
+def are_known(*trees: PyTree) -> bool:
     """Whether no leaf is traced."""
     return not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(trees))
 
@@ -77,10 +82,10 @@ def _default_float() -> np.dtype:
     return np.dtype(np.float64 if jax.config.jax_enable_x64 else np.float32)  # pyright: ignore
 
 
-def _made(function: Callable[..., Any], place: int) -> Callable[..., Any]:
+def _made(function: Callable[..., np.ndarray], place: int) -> Callable[..., np.ndarray]:
     """A function that makes an array, in JAX's default precision where none is given at the `place`."""
 
-    def run(*arguments: Any, **named: Any) -> Any:
+    def run(*arguments: object, **named: object) -> np.ndarray:
         if len(arguments) <= place and named.get("dtype") is None:
             named["dtype"] = _default_float()
         return function(*arguments, **named)
@@ -88,22 +93,22 @@ def _made(function: Callable[..., Any], place: int) -> Callable[..., Any]:
     return run
 
 
-def _asarray(x: Any, dtype: Any = None) -> Any:
+def _asarray(x: object, dtype: DTypeLike | None = None) -> np.ndarray:
     if dtype is None and not isinstance(x, np.ndarray | np.generic):
         array = np.asarray(x)
         return array.astype(_default_float()) if array.dtype == np.float64 else array
     return np.asarray(x, dtype)
 
 
-def _full(shape: Any, value: Any, dtype: Any = None) -> Any:
+def _full(shape: int | tuple[int, ...], value: Numeric, dtype: DTypeLike | None = None) -> np.ndarray:
     return np.full(shape, value, _asarray(value).dtype if dtype is None else dtype)
 
 
-def _or_nan(function: Callable[..., Any], none: Callable[..., Any]) -> Callable[..., Any]:
+def _or_nan(function: Callable[..., T], none: Callable[..., T]) -> Callable[..., T]:
     """NaN where LAPACK finds no factor, as JAX gives it."""
 
     @functools.wraps(function)
-    def run(a: Any, *more: Any, **named: Any) -> Any:
+    def run(a: np.ndarray, *more: object, **named: object) -> T:
         try:
             return function(a, *more, **named)
         except np.linalg.LinAlgError:
@@ -112,7 +117,7 @@ def _or_nan(function: Callable[..., Any], none: Callable[..., Any]) -> Callable[
     return run
 
 
-def _no_svd(a: np.ndarray, full_matrices: bool = True, compute_uv: bool = True) -> Any:
+def _no_svd(a: np.ndarray, full_matrices: bool = True, compute_uv: bool = True) -> np.ndarray | tuple[np.ndarray, ...]:
     (m, n), s = a.shape, min(a.shape)
     shapes = ((m, m if full_matrices else s), (s,), (n if full_matrices else s, n))
     found = tuple(np.full(shape, np.nan, a.dtype) for shape in shapes)
@@ -131,7 +136,7 @@ def _each_solved(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return out
 
 
-def _nan_like(a: np.ndarray, *_: Any) -> np.ndarray:
+def _nan_like(a: np.ndarray, *_: object) -> np.ndarray:
     return np.full_like(a, np.nan)
 
 
@@ -157,7 +162,7 @@ _OF_NUMPY = {
 class _Namespace:
     """The functions of two modules by the kind of their arguments."""
 
-    def __init__(self, of_numbers: Any, traced: Any):
+    def __init__(self, of_numbers: ModuleType, traced: ModuleType):
         self._of_numbers, self._traced = of_numbers, traced
 
     def __getattr__(self, name: str) -> Any:  # once for each name
@@ -166,7 +171,7 @@ class _Namespace:
             found = one
         else:
 
-            def found(*arguments: Any, **named: Any) -> Any:
+            def found(*arguments: object, **named: object) -> PyTree:
                 known = all(map(is_number, arguments)) and (not named or all(map(is_number, named.values())))
                 return (one if known else two)(*arguments, **named)
 
@@ -181,7 +186,7 @@ xp.linalg = _Namespace(np.linalg, jnp.linalg)
 # What both have in other words ---------------------------------------------------------------------------
 
 
-def while_loop(going: Callable[[T], Any], body: Callable[[T], T], start: T) -> T:
+def while_loop(going: Callable[[T], Numeric], body: Callable[[T], T], start: T) -> T:
     """`jax.lax.while_loop`; in a batch of numbers what has ended stays, as under `vmap`."""
     if not are_numbers(start):
         return jax.lax.while_loop(going, body, start)
@@ -190,29 +195,29 @@ def while_loop(going: Callable[[T], Any], body: Callable[[T], T], start: T) -> T
     return start
 
 
-def chosen_of(flag: Any, yes: Any, no: Any) -> Any:
+def chosen_of(flag: Numeric, yes: Numeric, no: Numeric) -> Numeric:
     """`where` of a flag for each sample of a batch, or of one, and arrays with axes behind."""
     return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
 
 
-def or_one(size: Any) -> Any:
+def or_one(size: Numeric) -> Numeric:
     """Sizes to divide by: 1 where there is none."""
     return xp.where(size > 0, size, 1.0)
 
 
-def product(matrix: Any, vector: Any) -> Any:
+def product(matrix: Numeric, vector: Numeric) -> Numeric:
     """matrix @ vector, sample by sample where axes for them stand in front."""
     return matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
 
 
-def solution(matrix: Any, vector: Any) -> Any:
+def solution(matrix: Numeric, vector: Numeric) -> Numeric:
     """matrix^-1 vector, in the same way."""
     if vector.ndim == 1:
         return xp.linalg.solve(matrix, vector)
     return xp.linalg.solve(matrix, vector[..., None])[..., 0]
 
 
-def fori_loop(first: int, last: int, body: Callable[[Any, T], T], start: T) -> T:
+def fori_loop(first: int, last: int, body: Callable[[Numeric, T], T], start: T) -> T:
     """`jax.lax.fori_loop`."""
     if not are_numbers(start):
         return jax.lax.fori_loop(first, last, body, start)
@@ -221,7 +226,7 @@ def fori_loop(first: int, last: int, body: Callable[[Any, T], T], start: T) -> T
     return start
 
 
-def scan(body: Callable[[T, Any], tuple[T, Any]], start: T, places: np.ndarray) -> tuple[T, list[Any]]:
+def scan(body: Callable[[T, Numeric], tuple[T, S]], start: T, places: np.ndarray) -> tuple[T, list[S]]:
     """`jax.lax.scan`, and what each turn gives, in a list."""
     if not are_numbers(start):
         end, stacked = jax.lax.scan(body, start, jnp.asarray(places))
@@ -233,14 +238,14 @@ def scan(body: Callable[[T, Any], tuple[T, Any]], start: T, places: np.ndarray) 
     return start, given
 
 
-def cond(flag: Any, yes: Callable[..., T], no: Callable[..., T], *operands: Any) -> T:
+def cond(flag: Numeric, yes: Callable[..., T], no: Callable[..., T], *operands: PyTree) -> T:
     """`jax.lax.cond`."""
     if not is_number(flag):
         return jax.lax.cond(flag, yes, no, *operands)
     return (yes if flag else no)(*operands)
 
 
-def each(function: Callable[[Any], Any], samples: Any) -> Any:
+def each(function: Callable[[Numeric], Numeric], samples: Numeric) -> Numeric:
     """A function of one array for every one along the first axis: `jax.vmap`."""
     first = function(samples[0]) if is_number(samples) and len(samples) else None
     if first is None or not is_number(first):  # of traced samples, or of what the function holds
@@ -253,7 +258,7 @@ def stop_gradient(tree: T) -> T:
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
 
 
-def entries_set(x: Any, places: Any, values: Any) -> Any:
+def entries_set(x: Numeric, places: Numeric, values: Numeric) -> Numeric:
     """x with entries set."""
     if not (is_number(x) and is_number(values) and is_number(places)):
         return jnp.asarray(x).at[places].set(values)
@@ -262,45 +267,49 @@ def entries_set(x: Any, places: Any, values: Any) -> Any:
     return x
 
 
-def take(x: Any, places: Any) -> Any:
+def take(x: Numeric, places: Numeric) -> Numeric:
     """x[places], of known entries at places that are traced too."""
     return x[places] if is_number(places) else jnp.asarray(x)[places]
 
 
-def cholesky(a: Any) -> Any:
+def cholesky(a: Numeric) -> Numeric:
     """The lower factor of a symmetric matrix, of which its lower triangle is read."""
     return xp.linalg.cholesky(a) if is_number(a) else jnp.linalg.cholesky(a, symmetrize_input=False)
 
 
-def solve_triangular(a: Any, b: Any, *, lower: bool) -> Any:
+def solve_triangular(a: Numeric, b: Numeric, *, lower: bool) -> Numeric:
     """`jax.scipy.linalg.solve_triangular`."""
     if not (is_number(a) and is_number(b)):
         return jax.scipy.linalg.solve_triangular(a, b, lower=lower)
     return xp.linalg.solve(a, b) if np.all(np.isfinite(a)) else np.full_like(b, np.nan)
 
 
-class custom_jvp:
+class custom_jvp(Generic[P, T]):
     """A function with a derivative given by hand, which numbers do not ask for; `make` is JAX's or Equinox's."""
 
-    def __init__(self, function: Callable[..., Any], make: Callable[..., Any] = jax.custom_jvp):
+    def __init__(
+        self,
+        function: Callable[P, T],
+        make: type[jax.custom_jvp] | type[eqx.filter_custom_jvp] = jax.custom_jvp,
+    ):
         self.function, self.traced = function, make(function)
         functools.update_wrapper(self, function)
 
-    def defjvp(self, rule: Callable[..., Any]) -> Callable[..., Any]:
+    def defjvp(self, rule: Rule) -> Rule:
         """Gives the derivative."""
         (getattr(self.traced, "def_jvp", None) or self.traced.defjvp)(rule)
         return rule
 
     def_jvp = defjvp
 
-    def __call__(self, *arguments: Any) -> Any:
-        return (self.function if are_numbers(arguments) else self.traced)(*arguments)
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> T:
+        return (self.function if are_numbers(arguments, named) else self.traced)(*arguments, **named)
 
 
 # Entries ---------------------------------------------------------------------------------------------------
 
 
-def known(x: Any) -> Any:
+def known(x: Numeric) -> Numeric:
     """NumPy's array of one that is not traced."""
     return x if isinstance(x, jax.core.Tracer) else np.asarray(x)
 
@@ -370,12 +379,12 @@ OFTEN = 300
 
 
 def on_numbers(
-    function: Callable[..., Any],
+    function: Callable[P, T],
     *,
     jit: bool = True,
     repeats: bool = False,
-    traced: Callable[..., Callable] | None = None,
-) -> Callable[..., Any]:
+    traced: Callable[[Callable[P, T]], Callable[P, T]] | None = None,
+) -> Callable[P, T]:
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
     One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; `traced`
@@ -385,7 +394,7 @@ def on_numbers(
     program, calls = compiled(function), collections.Counter()
 
     @functools.wraps(function)
-    def run(*arguments: Any, **named: Any) -> Any:
+    def run(*arguments: P.args, **named: P.kwargs) -> T:
         given = arguments, named
         if not are_known(given):
             return inside(*arguments, **named)
@@ -404,17 +413,17 @@ def on_numbers(
     return run
 
 
-def asked_of_model(function: Callable[..., Any]) -> Callable[..., Any]:
+def asked_of_model(function: Callable[P, T]) -> Callable[P, T]:
     """`of_model` for what users ask of a model themselves: it gives JAX's arrays of NumPy's, too."""
     return on_numbers(of_model(function), jit=False)
 
 
-def computed(function: F) -> F:
+def computed(function: Callable[P, T]) -> Callable[P, T]:
     """`on_numbers` for a call that no program holds."""
-    return on_numbers(function, jit=False)  # pyright: ignore[reportReturnType]
+    return on_numbers(function, jit=False)
 
 
-def _structure(tree: Any) -> tuple[Any, ...]:
+def _structure(tree: PyTree) -> tuple[Hashable, ...]:
     """What a program is keyed by."""
     leaves, structure = jax.tree.flatten(tree)
     return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
@@ -441,7 +450,7 @@ LARGE, FORWARD, REVERSE = Kind(times=4.0, is_large=True), Kind(is_single=False),
 class _Traced:
     """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on."""
 
-    def __init__(self, function: Callable[..., Any], arguments: Any, kind: Kind):
+    def __init__(self, function: Callable[..., PyTree], arguments: PyTree, kind: Kind):
         with in_little_time(True), of_equations(not kind.loops), of_one_sample(kind.is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
@@ -465,11 +474,11 @@ class _Traced:
         return count(self.closed) / _USUAL
 
     @functools.cached_property
-    def program(self) -> Callable[..., Any]:
+    def program(self) -> Callable[..., list[Array]]:
         run = functools.wraps(self.function)(jaxpr_as_fun(self.closed))
         return jax.jit(run, compiler_options=self.options())
 
-    def __call__(self, given: list[Any]) -> Any:
+    def __call__(self, given: list[Numeric]) -> PyTree:
         self.calls += 1
         out, begun, compiled = None, time.process_time(), self.is_compiled
         if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
@@ -489,8 +498,8 @@ LONG, _USUAL = 5.0, 8000
 
 
 def as_program(
-    function: Callable[..., Any], kind: Kind = STEPS, traced: Callable[..., Callable] | None = None
-) -> Callable[..., Any]:
+    function: Callable[..., T], kind: Kind = STEPS, traced: Callable[..., Callable[..., T]] | None = None
+) -> Callable[..., T]:
     """What repeats a thousand times: `compiled` where arguments are traced, or by `traced` as in `on_numbers`; of
     numbers, or JAX's arrays, it gives such.
 
@@ -500,10 +509,10 @@ def as_program(
     `REVERSE`, which would take minutes, never are.
     """
     first, fast = (traced or compiled)(function), compiled(function, runs_long=True)
-    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+    recent: collections.OrderedDict[Hashable, _Traced] = collections.OrderedDict()
 
     @functools.wraps(function)
-    def run(*arguments: Any) -> Any:
+    def run(*arguments: PyTree) -> T:
         if not are_known(arguments):
             return first(*arguments)
         if not are_numbers(arguments):
@@ -522,7 +531,7 @@ def as_program(
     return run
 
 
-def _kept(recent: collections.OrderedDict[Any, T], key: Any, make: Callable[[], T]) -> T:
+def _kept(recent: collections.OrderedDict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
     """What was made last for keys."""
     if key not in recent:
         recent[key] = make()
@@ -531,30 +540,29 @@ def _kept(recent: collections.OrderedDict[Any, T], key: Any, make: Callable[[], 
     return recent[key]
 
 
-def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
+def of_model(function: Callable[P, T]) -> Callable[P, T]:
     """What of a model is traced by itself where numbers are known, and part of a program where some are traced; of
     arrays of JAX it gives such."""
-    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+    recent: collections.OrderedDict[Hashable, _Traced] = collections.OrderedDict()
 
-    def computed(*arguments: Any) -> Any:
+    def computed(*arguments: PyTree) -> T:
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
         traced = _kept(recent, key, lambda: _Traced(function, arguments, _MODEL))
         return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
 
     @functools.wraps(function)
-    def run(*arguments: Any, **named: Any) -> Any:
+    def run(*arguments: P.args, **named: P.kwargs) -> T:
         if not are_known(arguments, named):
             return function(*arguments, **named)
-        if named:
-            arguments = inspect.signature(function).bind(*arguments, **named).args
+        given = inspect.signature(function).bind(*arguments, **named).args if named else arguments
         try:
             with jax.core.eval_context():
-                if are_numbers(arguments):
-                    return computed(*arguments)
+                if are_numbers(given):
+                    return computed(*given)
                 with computing():
-                    out = computed(*as_numbers(arguments))
+                    out = computed(*as_numbers(given))
                 return as_arrays(out)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
-            return function(*arguments)
+            return function(*arguments, **named)
 
     return run

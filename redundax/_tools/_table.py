@@ -4,11 +4,12 @@ out."""
 import dataclasses
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 from ._module import is_concrete
 
@@ -42,17 +43,18 @@ class AbstractFigures:
         return "\n".join(f"{name:{width}}  {text}" for name, text in lines)
 
 
-def _texts(figures: Any) -> list[tuple[str, str]]:
-    return [(field.name, _text(getattr(figures, field.name))) for field in dataclasses.fields(figures)]
+def _texts(figures: AbstractFigures) -> list[tuple[str, str]]:
+    fields = dataclasses.fields(figures)  # pyright: ignore[reportArgumentType]
+    return [(field.name, _text(getattr(figures, field.name))) for field in fields]
 
 
-def _lines(figures: Any, of: str = "") -> Iterator[tuple[str, str]]:
+def _lines(figures: AbstractFigures, of: str = "") -> Iterator[tuple[str, str]]:
     for name, text in _texts(figures):
         value = getattr(figures, name)
         yield from _lines(value, f"{of}{name}.") if isinstance(value, AbstractFigures) else [(of + name, text)]
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if not isinstance(value, np.ndarray | jax.Array):
         return repr(value)
     array = np.asarray(value)
@@ -113,7 +115,7 @@ def apart(low: float, high: float, digits: int = 5) -> tuple[str, str]:
     return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 
 
-def are_known(tree: Any) -> bool:
+def are_known(tree: PyTree) -> bool:
     """Whether all leaves are arrays whose numbers are there to be shown."""
     return all(isinstance(x, np.ndarray | jax.Array) and is_concrete(x) for x in jax.tree.leaves(tree))
 

@@ -4,12 +4,14 @@ An attribute of an Equinox module takes a microsecond, a method ten, which numbe
 """
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
+from collections.abc import Hashable, Iterable
+from typing import TYPE_CHECKING, TypeVar, dataclass_transform
 
 import equinox as eqx
 import jax
 import jax.core
 import numpy as np
+from jaxtyping import PyTree
 
 T = TypeVar("T")
 
@@ -26,7 +28,7 @@ class AbstractModule(eqx.Module):
         return eqx.tree_pformat(jax.tree.map(_shown, self))
 
 
-def _shown(x: Any) -> Any:
+def _shown(x: PyTree) -> PyTree:
     is_known = isinstance(x, np.ndarray | jax.Array) and not isinstance(x, jax.core.Tracer)
     return np.asarray(x).tolist() if is_known and x.ndim <= 2 and x.size <= 9 else x  # a matrix in space
 
@@ -38,13 +40,13 @@ def value(cls: type[T]) -> type[T]:
     names = tuple(field.name for field in dataclasses.fields(cls))  # pyright: ignore[reportArgumentType]
     keys = tuple(map(jax.tree_util.GetAttrKey, names))
 
-    def flatten(x: Any) -> tuple[list[Any], None]:
+    def flatten(x: T) -> tuple[list[PyTree], None]:
         return [getattr(x, name) for name in names], None
 
-    def flatten_with_keys(x: Any) -> tuple[list[Any], None]:
+    def flatten_with_keys(x: T) -> tuple[list[tuple[Hashable, PyTree]], None]:
         return list(zip(keys, flatten(x)[0], strict=True)), None
 
-    def unflatten(_: None, children: Any) -> Any:
+    def unflatten(_: None, children: Iterable[PyTree]) -> T:
         new = object.__new__(cls)
         new.__dict__.update(zip(names, children, strict=True))
         return new

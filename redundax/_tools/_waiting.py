@@ -27,7 +27,7 @@ class _Watch(threading.local):
 _watch = _Watch()
 
 
-def _begin(event: str, value: float, **about: Any) -> None:
+def _begin(event: str, value: float, **about: object) -> None:
     """A stage begins."""
     if not event.startswith(_STAGES):
         return
@@ -44,7 +44,7 @@ def _begin(event: str, value: float, **about: Any) -> None:
         _watch.alarm.start()
 
 
-def _end(event: str, duration_secs: float, **about: Any) -> None:
+def _end(event: str, duration_secs: float, **about: object) -> None:
     """A stage ends."""
     if not event.startswith(_STAGES):
         return

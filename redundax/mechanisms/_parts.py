@@ -5,8 +5,8 @@ crank    rod from the ground point (X_c, 0), joint A_c, to its tip, at the angle
 guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import TypedDict
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,7 +44,14 @@ def coulomb(name: str, coefficient: Numbers | None, count: int) -> list[Coulomb 
     return [Coulomb(value) for value in each(name, coefficient, count, "joint")]
 
 
-def rubbing(name: str, mu_rho: Numbers | None, count: int) -> list[dict[str, Any]]:
+class Rubbing(TypedDict):
+    """What makes a revolute rub."""
+
+    pin_radius: float | None
+    friction: Coulomb | None
+
+
+def rubbing(name: str, mu_rho: Numbers | None, count: int) -> list[Rubbing]:
     """The same for revolutes, where only coefficient times pin radius is known: a radius of 1 m."""
     return [{"pin_radius": None if own is None else 1.0, "friction": own} for own in coulomb(name, mu_rho, count)]
 
@@ -80,7 +87,7 @@ def pivoted_cranks(
     pivots: Float[np.ndarray | Array, " cranks"],
     length: ArrayLike,
     mass: Float[np.ndarray | Array, " cranks"],
-    friction: Sequence[Mapping[str, Any]],
+    friction: Sequence[Rubbing],
 ) -> tuple[list[Body], list[Revolute]]:
     """Equal rods "crank 1", "crank 2", ... on ground revolutes A1, A2, ... at the points (X_c, 0)."""
     length = floats(length)

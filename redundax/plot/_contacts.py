@@ -1,7 +1,7 @@
 """What one-sided contacts do over time, as bars, and impacts as marks."""
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,10 +9,13 @@ from .._motion._trajectory import Trajectory
 from .._system._contact import Contact
 from ._solution_sets import COLOURS
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 _BARS = ((Contact.carries, 0.7, 1.0), (Contact.touches, 0.7, 0.3))  # what it does, its height and opacity
 
 
-def contacts_over_time(panel: Any, others: Iterable[Any], trajectory: Trajectory) -> None:
+def contacts_over_time(panel: "Axes", others: "Iterable[Axes]", trajectory: Trajectory) -> None:
     """A row for each contact: filled while it carries, pale while it touches alone; impacts are triangles in the rows
     of contacts that they load, and lines in the other panels."""
     t, contacts = np.asarray(trajectory.t), trajectory.contacts
@@ -23,7 +26,7 @@ def contacts_over_time(panel: Any, others: Iterable[Any], trajectory: Trajectory
             held = np.flatnonzero((words == str(does)) & reached)
             for run in np.split(held, np.flatnonzero(np.diff(held) > 1) + 1):
                 if run.size:
-                    begin, end = edges[run[0]], edges[run[-1] + 1]
+                    begin, end = float(edges[run[0]]), float(edges[run[-1] + 1])
                     panel.broken_barh(
                         [(begin, end - begin)], (row - height / 2, height), color=COLOURS[0], alpha=opacity, linewidth=0
                     )

@@ -9,7 +9,6 @@ that friction reads, or the output be unique over all solutions. Mass and time u
 """
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from .._analysis._verdict import Verdict
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._json import JSON
 from .._tools._table import text_of
 
 
@@ -57,7 +57,7 @@ class UnitCertificate:
     multipliers: tuple[UnitVerdict, ...]
     accelerations: tuple[UnitVerdict, ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         return dataclasses.asdict(self)
 

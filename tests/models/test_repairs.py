@@ -181,7 +181,7 @@ def test_a_row_that_was_named_and_stays_is_told(four_bar, folder, monkeypatch):
 def test_positions_are_counted_and_rows_that_are_many_are_left_to_the_data(four_bar, door):
     for count, told in ((1, "Same at 1 other position and"), (2, "Same at 2 other positions and")):
         found = dataclasses.replace(four_bar[1], others=four_bar[1].others[:count])
-        assert told in audit_page(found, {}, lines={}, language="MJCF")
+        assert told in audit_page(found, None, lines={}, language="MJCF")
     found = door[1]
     assert len(found.repairs[0].choices[1].rows) > 4
     told = " ".join(" ".join(mended(found, {}, "MJCF")).split())

@@ -14,7 +14,7 @@ from .._pose import Pose
 from ._base import AbstractJoint, Row
 
 
-class AngleCoupling(AbstractJoint):
+class AngleCoupling(AbstractJoint[Pose]):
     """Coupling of the angles of two bodies. Its multiplier is minus the moment on body i, N m.
 
     It stands for what a gear, belt or chain does to the motion of bodies on fixed axes. It passes moments alone: no

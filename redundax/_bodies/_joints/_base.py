@@ -7,24 +7,25 @@ bodies is -Phi_q^T lam.
 
 import abc
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Generic, Literal, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import check_kind, figure, part, replace_fields
-from .._frame import AbstractFrame
+from .._frame import AbstractFrame, P
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
+from .._pose import Pose
 from .._stack import AbstractBetweenBodies, is_of_user
 
 Row = tuple[str, str]
 
 
-class AbstractJoint(AbstractBetweenBodies):
+class AbstractJoint(Generic[P], AbstractBetweenBodies):
     """A joint between the planar bodies i and j.
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
@@ -66,29 +67,29 @@ class AbstractJoint(AbstractBetweenBodies):
             check_rows(self)
 
     @abc.abstractmethod
-    def residual(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, " rows"]:
+    def residual(self, i: P, j: P, t: Float[Array, ""]) -> Float[Array, " rows"]:
         """Constraint residual, one entry for each of `row_kinds`, from the `Pose` of each body."""
 
-    def jacobian(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, "rows columns"]:
+    def jacobian(self, i: P, j: P, t: Float[Array, ""]) -> Float[Array, "rows columns"]:
         """Derivatives of the residual by the velocities of body i, then of body j; the poses with axes."""
         if self.velocity_rows:
             return self.by_velocities(lambda a, b: self.residual(a, b, t) + self.rolled(a, b, i, j), i, j)
         return self.by_velocities(lambda i, j: self.residual(i, j, t), i, j)
 
-    def rolled(self, i: Any, j: Any, from_i: Any, from_j: Any) -> Float[Array, " rows"]:
+    def rolled(self, i: P, j: P, from_i: P, from_j: P) -> Float[Array, " rows"]:
         """What rows of velocity have missed as the bodies came to these poses from others, to first order, and zeros of
         all other rows: its rate, as the poses leave the others, is A qd."""
         raise NotImplementedError
 
-    def by_velocities(self, function: Callable[[Any, Any], Array], i: Any, j: Any) -> Float[Array, "values columns"]:
+    def by_velocities(self, function: Callable[[P, P], Array], i: P, j: P) -> Float[Array, "values columns"]:
         """Derivatives of a function of the poses of both bodies by the velocities of body i, then of body j."""
 
-        def by(of_one: Callable[[Any], Array], pose: Any) -> Array:
+        def by(of_one: Callable[[P], Array], pose: P) -> Array:
             return jax.vmap(lambda rate: jax.jvp(of_one, (pose,), (rate,))[1], out_axes=1)(pose.unit_rates())
 
         return jnp.concatenate([by(lambda i: function(i, j), i), by(lambda j: function(i, j), j)], axis=1)
 
-    def relatives(self, i: Any, j: Any) -> Any:
+    def relatives(self, i: P, j: P) -> PyTree:
         """What the pose of body i can have `seen`, its rate and the rate of this, from poses with theirs; or None."""
         return None
 
@@ -109,12 +110,12 @@ class AbstractJoint(AbstractBetweenBodies):
     def bare(self) -> Self:
         return replace_fields(self, i="", j="", name="", **dict.fromkeys(self.read_by_law))
 
-    def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
+    def coordinates(self, i: P, j: P) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
         return jnp.zeros(0)
 
 
-class AbstractPointJoint(AbstractJoint):
+class AbstractPointJoint(AbstractJoint[Pose]):
     """A joint at a point of each body, in the plane."""
 
     name: str = eqx.field(static=True)

@@ -1,10 +1,9 @@
 """Components of a relative pose by the names of the rows that lock them, or of the coordinates that they are."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..._tools._errors import RedundaxError
 from ._base import Row
@@ -12,7 +11,7 @@ from ._base import Row
 Components = Mapping[tuple[str, ...], Callable[..., Array]]
 
 
-def values(known: Components, rows: Sequence[Row], owner: str, *of: Any) -> Float[Array, " rows"]:
+def values(known: Components, rows: Sequence[Row], owner: str, *of: PyTree) -> Float[Array, " rows"]:
     """Those that rows or coordinates name, in their order; what stands together in `known` is computed together.
 
     `owner` has the rows; the components are functions of what they are `of`.

@@ -18,7 +18,7 @@ from .._pose import Pose
 from ._base import AbstractJoint, AbstractPointJoint, Row
 
 
-class AngleDriver(AbstractJoint):
+class AngleDriver(AbstractJoint[Pose]):
     """Driving constraint (2), phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
 
     ??? example

@@ -21,7 +21,7 @@ the standard centre distance, and two rows, minus these, that push alone.
 """
 
 import abc
-from typing import Any, ClassVar, cast
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -41,6 +41,7 @@ from ..._tools._module import (
     positive,
     safe_norm,
 )
+from ..._tools._numbers import Numeric
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
 from ._base import AbstractPointJoint, Row
@@ -90,16 +91,16 @@ class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
 
     @property
     @abc.abstractmethod
-    def contact(self) -> tuple[Any, Any]:
+    def contact(self) -> tuple[Numeric, Numeric]:
         """eps_i and eps_j: paths of contact on both sides of the pitch point, of standard teeth, in base pitches."""
 
     @property
-    def base_radii(self) -> Any:
+    def base_radii(self) -> Numeric:
         """Radii of the base circles, m, in the shape of `teeth`; negative for a ring."""
         return self.module * numpy_of(self.pressure_angle).cos(self.pressure_angle) / 2 * self.teeth
 
     @property
-    def base_pitch(self) -> Any:
+    def base_pitch(self) -> Numeric:
         """Distance of neighbouring teeth along the line of action, m."""
         return np.pi * self.module * numpy_of(self.pressure_angle).cos(self.pressure_angle)
 
@@ -156,7 +157,7 @@ def check_mesh(mesh: AbstractMesh) -> None:
             )
 
 
-def tip_path(radius: Any, other: Any, module: Any, pressure_angle: Any) -> Any:
+def tip_path(radius: Numeric, other: Numeric, module: Numeric, pressure_angle: Numeric) -> Numeric:
     """Path of contact from the pitch point to the tip of standard teeth, m; the radius of a ring is negative.
 
     It ends where the line of action touches the base circle of the other gear, if that is no ring.
@@ -228,8 +229,8 @@ class GearPair(AbstractMesh):
             )
 
     @property
-    def contact(self) -> tuple[Any, Any]:
-        radii = cast(Any, self.module / 2) * self.teeth
+    def contact(self) -> tuple[Numeric, Numeric]:
+        radii = self.module / 2 * self.teeth
         own, other = radii[0], radii[1]
         paths = (tip_path(*pair, self.module, self.pressure_angle) for pair in ((own, other), (other, own)))
         own, other = (path / self.base_pitch for path in paths)

@@ -7,7 +7,7 @@
 with Jacobians (55), (58) and gamma (56), (59). A revolute has the friction moment (41) about its axis.
 """
 
-from typing import Any, ClassVar, cast
+from typing import ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,7 +26,7 @@ def _offset(joint: AbstractPointJoint, i: Pose, j: Pose) -> Array:
     return i.point(joint.point_i) - j.point(joint.point_j)
 
 
-def _travel(joint: Any, i: Pose, j: Pose) -> Array:
+def _travel(joint: "Translational | PinInSlot", i: Pose, j: Pose) -> Array:
     return _offset(joint, i, j) @ -perpendicular(j.rotate(joint.normal))
 
 

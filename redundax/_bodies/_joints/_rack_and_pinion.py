@@ -6,7 +6,7 @@ with phi the angle of the pinion relative to the rack, and the pinion's axis at 
 frame of the rack. Sign, flanks and friction are those of a pair of gears; eps_j p = m / sin(alpha).
 """
 
-from typing import Any, ClassVar, cast
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import figure, numpy_of, optional_float, unit
+from ..._tools._numbers import Numeric
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._gear import STANDARD_PRESSURE_ANGLE, AbstractMesh, check_mesh, tip_path, whole
@@ -67,8 +68,8 @@ class RackAndPinion(AbstractMesh):
             )
 
     @property
-    def contact(self) -> tuple[Any, Any]:
-        xp, radius = numpy_of(self.module, self.pressure_angle), cast(Any, self.module / 2) * self.teeth
+    def contact(self) -> tuple[Numeric, Numeric]:
+        xp, radius = numpy_of(self.module, self.pressure_angle), self.module / 2 * self.teeth
         own = tip_path(radius, -1.0, self.module, self.pressure_angle)  # nothing of the rack ends it
         sine = xp.sin(self.pressure_angle)
         other = xp.minimum(self.module / sine, radius * sine)

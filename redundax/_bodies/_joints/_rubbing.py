@@ -6,18 +6,19 @@ The joint says how: a hinge has one moment, a sleeve one force along its slip, a
 """
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .._frame import P
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
 from ._base import AbstractJoint, Row, check_friction
 
 
-class AbstractRubbingJoint(AbstractJoint):
+class AbstractRubbingJoint(AbstractJoint[P]):
     """A joint that can have friction; `ends` are the poses of both bodies where the contact `reads_pose`, else None.
 
     `slip_kinds` are names and kinds, "linear" or "angular", of its slips; the name of a single one is "".
@@ -48,18 +49,24 @@ class AbstractRubbingJoint(AbstractJoint):
         return False
 
     @abc.abstractmethod
-    def slips(self, i: Any, j: Any) -> Float[Array, " slips"]:
+    def slips(self, i: P, j: P) -> Float[Array, " slips"]:
         """All its slips, of body i relative to body j."""
 
     @abc.abstractmethod
     def forces(
-        self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
+        self,
+        model: AbstractFrictionModel,
+        ends: tuple[P, P] | None,
+        loads: Array,
+        rate: Array,
+        sense: Array,
+        memory: PyTree,
     ) -> Float[Array, " slips"]:
         """Friction forces and moments, one for each slip, from the multipliers of its rows."""
 
     @abc.abstractmethod
     def largest_changes(
-        self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: tuple[P, P] | None, change: Array, rate: Array, memory: PyTree
     ) -> Float[Array, " slips"]:
         """Bounds of the changes of friction by a change of the multipliers."""
 
@@ -68,13 +75,13 @@ class AbstractRubbingJoint(AbstractJoint):
         """Rates of change of the internal states of its slips."""
 
 
-class AbstractOneSlip(AbstractRubbingJoint):
+class AbstractOneSlip(AbstractRubbingJoint[P]):
     """A joint with one slip and one normal load."""
 
     slip_kind: eqx.AbstractClassVar[str]
 
     @abc.abstractmethod
-    def slip(self, i: Any, j: Any) -> Float[Array, ""]:
+    def slip(self, i: P, j: P) -> Float[Array, ""]:
         """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
 
     @abc.abstractmethod
@@ -90,11 +97,17 @@ class AbstractOneSlip(AbstractRubbingJoint):
         """Its one slip, which has the joint's name."""
         return (("", self.slip_kind),)
 
-    def slips(self, i: Any, j: Any) -> Array:
+    def slips(self, i: P, j: P) -> Array:
         return self.slip(i, j)[None]
 
     def forces(
-        self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
+        self,
+        model: AbstractFrictionModel,
+        ends: tuple[P, P] | None,
+        loads: Array,
+        rate: Array,
+        sense: Array,
+        memory: PyTree,
     ) -> Array:
         normal = jnp.zeros((), loads.dtype)
         if model.depends_on_load:
@@ -102,7 +115,7 @@ class AbstractOneSlip(AbstractRubbingJoint):
         return model.force(normal, rate[0], sense[0], memory)[None]
 
     def largest_changes(
-        self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: tuple[P, P] | None, change: Array, rate: Array, memory: PyTree
     ) -> Array:
         slope = model.slope_bound(rate[0], memory)
         if not model.depends_on_load:
@@ -112,11 +125,11 @@ class AbstractOneSlip(AbstractRubbingJoint):
     def memory_rates(self, model: AbstractFrictionModel, rate: Array, memory: PyTree) -> PyTree:
         return model.memory_rate(rate[0], memory)
 
-    def _at(self, ends: Any) -> tuple[Any, ...]:
+    def _at(self, ends: tuple[P, P] | None) -> tuple[tuple[P, P] | None, ...]:
         return (ends,) if self.reads_pose else ()
 
 
-class AbstractFrictionalJoint(AbstractOneSlip):
+class AbstractFrictionalJoint(AbstractOneSlip[Pose]):
     """A joint with one slip coordinate and a normal load, so that it can have friction."""
 
     def __check_init__(self) -> None:

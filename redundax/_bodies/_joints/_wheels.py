@@ -9,7 +9,7 @@ Rows are minus these, so that multipliers are the forces on body i along n, t an
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import figure, part, positive, unit
+from .._frame import P
 from .._pose import Pose, perpendicular
 from ._base import AbstractJoint, AbstractPointJoint, Row
 
@@ -29,23 +30,23 @@ def in_order(rows: Sequence[str] | str) -> tuple[str, ...]:
     return *(row for row in ORDER if row in given), *(row for row in given if row not in ORDER)
 
 
-def check_wheel(wheel: Any, known: tuple[str, ...]) -> None:
+def check_wheel(name: str, radius: Array, rows: tuple[str, ...], one_sided: bool, known: tuple[str, ...]) -> None:
     """Refuse rows that a wheel does not have, no radius, and a contact that opens where there is none."""
-    with part(f"joint '{wheel.name}'"):
-        positive("radius", wheel.radius)
-    if not wheel.rows or set(wheel.rows) - set(known):
+    with part(f"joint '{name}'"):
+        positive("radius", radius)
+    if not rows or set(rows) - set(known):
         raise RedundaxError(
-            f"Argument `rows` of the wheel '{wheel.name}' must hold some of {', '.join(known)}, but is {wheel.rows!r}. "
+            f"Argument `rows` of the wheel '{name}' must hold some of {', '.join(known)}, but is {rows!r}. "
             "Name those that hold."
         )
-    if wheel.one_sided and "normal" not in wheel.rows:
+    if one_sided and "normal" not in rows:
         raise RedundaxError(
-            f"Argument `one_sided` of the wheel '{wheel.name}' must be left out where it has no row \"normal\", "
-            f"which is what opens, but `rows` is {wheel.rows!r}. Add that row."
+            f"Argument `one_sided` of the wheel '{name}' must be left out where it has no row \"normal\", "
+            f"which is what opens, but `rows` is {rows!r}. Add that row."
         )
 
 
-def parted(touching: Array, i: Any, j: Any, from_i: Any, from_j: Any) -> Array:
+def parted(touching: Array, i: P, j: P, from_i: P, from_j: P) -> Array:
     """How the points of both bodies that touch at a global point have parted."""
     return i.point(from_i.local(touching)) - j.point(from_j.local(touching))
 
@@ -108,7 +109,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def __check_init__(self) -> None:
-        check_wheel(self, ("normal", "along"))
+        check_wheel(self.name, self.radius, self.rows, self.one_sided, ("normal", "along"))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         height = j.rotate(self.normal) @ (i.point(self.point_i) - j.point(self.point_j)) - self.radius
@@ -120,7 +121,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
         return self.only(along=perpendicular(n) @ parted(touching, i, j, from_i, from_j))
 
 
-class KnifeEdge(AbstractJoint):
+class KnifeEdge(AbstractJoint[Pose]):
     """A blade, a skate or a wheel seen from above: a point of body i moves on body j along the blade alone.
 
     Its multiplier is the force on body i across the blade, to its left, N. The row constrains velocities alone.

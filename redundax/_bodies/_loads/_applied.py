@@ -12,7 +12,7 @@ from .._pose import Motion, Wrench
 from ._base import AbstractLoad
 
 
-class AppliedForce(AbstractLoad):
+class AppliedForce(AbstractLoad[Motion, Wrench]):
     """A constant force at a point of a body, and a moment.
 
     ??? example

@@ -2,7 +2,6 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,27 +11,28 @@ from jaxtyping import Array, PyTree
 from ..._tools._errors import RedundaxError
 from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, part, tracing
 from .._body import GROUND, name_of
-from .._pose import Motion, Pose
-from ._base import AbstractLoad
+from .._pose import Motion, Pose, Wrench
+from ._base import AbstractLoad, M, W
 
 
-class AbstractLoadFunction(AbstractLoad):
+class AbstractLoadFunction(AbstractLoad[M, W]):
     """A load by a function, in the plane or in space."""
 
     i: str = eqx.field(static=True, converter=name_of)
-    function: Callable[[Any, Any, Array, PyTree], tuple[Any, Any]] = eqx.field(converter=as_functions)
+    function: Callable[[M, M, Array, PyTree], tuple[W, W]] = eqx.field(converter=as_functions)
     j: str = eqx.field(static=True, converter=name_of, default=GROUND)
     parameters: PyTree = eqx.field(converter=as_parameters, default=None)
 
     @staticmethod
     @abc.abstractmethod
-    def still() -> Any:
+    def still() -> M:
         """A motion on which the function is tried."""
 
     def __check_init__(self) -> None:
         with part(f"{type(self).__name__} on '{self.i}'"):
             advice = "Give one of both motions, time and parameters."
-            check_kind("function", self.function, Callable, "a function", advice)
+            what = "a function"
+            check_kind("function", self.function, Callable, what, advice)  # pyright: ignore[reportArgumentType]
             check_takes("function", self.function, "motion_i", "motion_j", "t", "parameters")
         with tracing("function"):
             given = jax.eval_shape(lambda: self.function(self.still(), self.still(), jnp.zeros(()), self.parameters))
@@ -48,11 +48,11 @@ class AbstractLoadFunction(AbstractLoad):
                 "j.wrench(-force, point)`, say."
             )
 
-    def wrenches(self, i: Any, j: Any, t: Array) -> tuple[Any, Any]:
+    def wrenches(self, i: M, j: M, t: Array) -> tuple[W, W]:
         return self.function(i, j, t, self.parameters)
 
 
-class LoadFunction(AbstractLoadFunction):
+class LoadFunction(AbstractLoadFunction[Motion, Wrench]):
     """Any load between two bodies, written in jnp.
 
     ??? example

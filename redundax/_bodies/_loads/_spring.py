@@ -66,7 +66,7 @@ class SpringDamper(AbstractSpringDamper):
     damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
 
 
-class TorsionSpring(AbstractLoad):
+class TorsionSpring(AbstractLoad[Motion, Wrench]):
     """Torsion spring with damper between two bodies.
 
     ??? example

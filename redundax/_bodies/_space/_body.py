@@ -9,13 +9,13 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, on_device
-from .._body import AbstractBody, check_amount
+from .._body import check_amount
 from .._frame import AbstractFrame
-from ._frame import SPACE
+from ._frame import SPACE, AbstractSpatialBody
 from ._rotation import as_quaternion
 
 
-class Body(AbstractBody):
+class Body(AbstractSpatialBody):
     """A rigid body in space.
 
     ??? example
@@ -70,7 +70,6 @@ class Body(AbstractBody):
 
     @property
     def inertia_matrix(self) -> Float[Array, "3 3"]:
-        """The inertia as a matrix."""
         return self.inertia if self.inertia.ndim == 2 else jnp.diag(self.inertia)
 
 

@@ -7,23 +7,38 @@ M is constant. The centre of mass is at c in the local frame, whose origin and a
 wrenches are given there.
 """
 
+import abc
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ..._tools._module import numpy_of, on_device, replace_fields
-from .._frame import AbstractFrame
+from .._frame import AbstractBody, AbstractFrame
 from ._pose import Motion, Pose
 from ._rotation import angular_velocity, between, cross, multiplied, product, rotation, skew, times, turned
 
 
-class Space(AbstractFrame):
+class AbstractSpatialBody(AbstractBody):
+    """A body in space: its centre of mass in the local frame, and where that is at the reference pose."""
+
+    centre: eqx.AbstractVar[Float[Array, "3"]]
+    position: eqx.AbstractVar[Float[Array, "3"]]
+    orientation: eqx.AbstractVar[Float[Array, "4"]]
+
+    @property
+    @abc.abstractmethod
+    def inertia_matrix(self) -> Float[Array, "3 3"]:
+        """The inertia as a matrix."""
+
+
+class Space(AbstractFrame[AbstractSpatialBody, Pose, Motion]):
     """Bodies in space; `is_principal` says whether the axes of all are principal axes of their inertia."""
 
     word: ClassVar[str] = "spatial"
@@ -35,10 +50,10 @@ class Space(AbstractFrame):
     )
     is_principal: bool = True
 
-    def of(self, bodies: Sequence[Any]) -> "Space":
+    def of(self, bodies: Sequence[AbstractSpatialBody]) -> "Space":
         return Space(all(body.inertia.shape == (3,) for body in bodies))
 
-    def alike(self, bodies: Sequence[Any]) -> Sequence[Any]:
+    def alike(self, bodies: Sequence[AbstractSpatialBody]) -> Sequence[AbstractSpatialBody]:
         if self.is_principal:
             return bodies
         return [replace_fields(body, inertia=body.inertia_matrix) for body in bodies]
@@ -51,7 +66,7 @@ class Space(AbstractFrame):
     def diagonal_mass(self) -> bool:
         return self.is_principal
 
-    def centres(self, body: Any) -> Array:
+    def centres(self, body: AbstractSpatialBody) -> Array:
         return body.centre
 
     def check(self, q: Array, n: int) -> None:
@@ -62,7 +77,7 @@ class Space(AbstractFrame):
                 "poses, and use jax.vmap for many positions."
             )
 
-    def poses(self, centres: Any, q: Array) -> Pose:
+    def poses(self, centres: Array, q: Array) -> Pose:
         x, p = _parts(q)
         axes = rotation(p)
         r = x - times(axes, centres)
@@ -84,7 +99,7 @@ class Space(AbstractFrame):
         at_rest = jnp.pad(centres[:, None], ((0, 0), (0, 2), (0, 0)))
         return chart, Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, at_rest), ground, strict=True)))
 
-    def motions(self, body: Any, state: State) -> Motion:
+    def motions(self, body: AbstractSpatialBody, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)
         v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(state.qd, 2))
         omega = times(pose.axes, omega)
@@ -102,7 +117,7 @@ class Space(AbstractFrame):
         found = jnp.all(w > 0)
         return jnp.concatenate([(there - x).ravel(), (2 * v / jnp.where(w > 0, w, 1.0)).ravel()]), found
 
-    def reference(self, body: Any) -> Array:
+    def reference(self, body: AbstractSpatialBody) -> Array:
         given = body.position, body.orientation, body.centre
         xp = numpy_of(*given)  # in NumPy, which compiles nothing, where they are known
         position, orientation, centre = map(xp.asarray, given)
@@ -113,19 +128,19 @@ class Space(AbstractFrame):
         (_, p), (v, p_rate) = _parts(q), _parts(rate)
         return jnp.concatenate([v.ravel(), angular_velocity(p, p_rate).ravel()])
 
-    def mass(self, body: Any) -> Array:
+    def mass(self, body: AbstractSpatialBody) -> Array:
         heft = jnp.repeat(body.mass, 3)
         if self.is_principal:
             return jnp.diag(jnp.concatenate([heft, body.inertia.ravel()]))
         return jax.scipy.linalg.block_diag(jnp.diag(heft), *body.inertia)
 
-    def masses(self, body: Any) -> Array:
+    def masses(self, body: AbstractSpatialBody) -> Array:
         one = jnp.eye(3, dtype=body.mass.dtype)
         inertia = body.inertia[:, None] * one if self.is_principal else body.inertia
         none = jnp.zeros_like(inertia)
         return jnp.block([[body.mass[:, None, None] * one, none], [none, inertia]])
 
-    def load(self, body: Any, motion: Motion, force: Array, moment: Array) -> Array:
+    def load(self, body: AbstractSpatialBody, motion: Motion, force: Array, moment: Array) -> Array:
         pose, omega = jax.tree.map(lambda x: x[:-1], (motion.pose, motion.angular_velocity))
         force, moment = force[:-1], moment[:-1]
         arm, back = times(pose.axes, pose.centre), jnp.swapaxes(pose.axes, -1, -2)

@@ -11,8 +11,7 @@ from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ..._tools._module import as_float, tree_take
 from .._mechanism import Mechanism
-from ._frame import SPACE
-from ._pose import Wrench
+from ._pose import Pose, Wrench
 
 FRAMES = ("joint", "body", "global")
 
@@ -47,7 +46,8 @@ def joint_wrench(
     """
     if frame not in FRAMES:
         raise RedundaxError(f"Argument `frame` must be one of {FRAMES}, but is {frame!r}. Name one of them.")
-    if mechanism.frame.word != SPACE.word:
+    bodies = mechanism.poses(state.q)
+    if not isinstance(bodies, Pose):
         raise RedundaxError(
             "Argument `mechanism` must be one of `rx.spatial`, but is planar. Read the loads of its joints from "
             'the solution, as in `solution["A force x on rod"]`.'
@@ -57,7 +57,7 @@ def joint_wrench(
     loads = joint_reactions(mechanism.joint_coordinates, state, multipliers)[6 * place : 6 * place + 6]
     stack = next(k for k, members in enumerate(mechanism.names.joints) if joint in members)
     member = jnp.asarray(mechanism.names.joints[stack].index(joint))
-    own, bodies = tree_take(mechanism.joints[stack], member), mechanism.poses(state.q)
+    own = tree_take(mechanism.joints[stack], member)
     body = jnp.where(own.i == len(mechanism.names.bodies), own.j, own.i)
     turned = own.element.axes_on("j")
     axes = {

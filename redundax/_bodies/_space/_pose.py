@@ -1,17 +1,17 @@
 """Poses of bodies in space, their rates, and wrenches on them."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, PyTree
 
 from ..._tools._value import AbstractModule
+from .._frame import AbstractPose
 from ._rotation import cross, times
 
 
-class Pose(AbstractModule):
+class Pose(AbstractPose):
     """Position (3,) and axes (3, 3) of a body's local frame in the global frame, of one body or stacked.
 
     - `r`: origin of the local frame, m.
@@ -29,11 +29,7 @@ class Pose(AbstractModule):
     r: Float[Array, "*bodies 3"]
     axes: Float[Array, "*bodies 3 3"]
     centre: Float[Array, "*bodies 3"]
-    seen: Any = None  # placement of a joint on this body i as that on body j sees it, for one that has formed it
-
-    def __getitem__(self, body: Int[Array, "*some"] | int) -> "Pose":
-        """Poses of some bodies out of stacked ones."""
-        return jax.tree.map(lambda x: x[body], self)
+    seen: PyTree = None  # placement of a joint on this body i as that on body j sees it, for one that has formed it
 
     def point(self, s: Float[Array, "3"]) -> Float[Array, "3"]:
         """Global position of the point s of the local frame: r + R s."""

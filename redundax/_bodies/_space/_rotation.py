@@ -9,7 +9,7 @@ displacement turns by 2 arctan(|d| / 2), so by less than half a turn.
 import functools
 import operator
 from collections.abc import Iterable
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from ..._tools._compilation import is_quick
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
-from ..._tools._numbers import is_number
+from ..._tools._numbers import Numeric, is_number
 
 AnyArray: TypeAlias = Array | np.ndarray
 
@@ -67,11 +67,11 @@ def multiplied(
     return _summed(a[..., k, None] * b[..., None, k, :] for k in range(a.shape[-1]))
 
 
-def _product(a: Any, b: Any) -> Any:
+def _product(a: Numeric, b: Numeric) -> Numeric:
     return np.matmul(a, b) if is_number([a, b]) else jnp.matmul(a, b, precision="highest")
 
 
-def _summed(terms: Iterable[Any]) -> Any:
+def _summed(terms: Iterable[Numeric]) -> Numeric:
     """The sum of terms."""
     return functools.reduce(operator.add, terms)
 
@@ -85,7 +85,7 @@ def about_z(turn: Float[Array, "*some 3 3"]) -> Float[Array, "*some 3 3"]:
     return jnp.stack([x, y, jnp.broadcast_to(np.eye(3, dtype=turn.dtype)[2], x.shape)], axis=-1)
 
 
-def rotation(p: Float[AnyArray, "*some 4"]) -> Any:
+def rotation(p: Float[AnyArray, "*some 4"]) -> Numeric:
     """Rotation matrix R of a quaternion of any length."""
     xp = numpy_of(p)
     p = xp.asarray(p)
@@ -97,12 +97,12 @@ def product(
     p: Float[AnyArray, "*some 4"],
     u: Float[AnyArray, "*some 3"],
     w: AnyArray | float = 1.0,
-) -> Any:
+) -> Numeric:
     """The quaternion product p (w, u)."""
     return w * p + numpy_of(p, u).sum(_by(_G, p) * u[..., :, None], axis=-2)
 
 
-def _by(table: np.ndarray, p: Float[AnyArray, "*some size"]) -> Any:
+def _by(table: np.ndarray, p: Float[AnyArray, "*some size"]) -> Numeric:
     """The matrix that a table of numbers makes of a vector."""
     table = table.astype(p.dtype)
     if is_quick():
@@ -120,12 +120,12 @@ def angular_velocity(p: Float[Array, "*some 4"], rate: Float[Array, "*some 4"]) 
     return 2 * between(p, rate)[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
 
 
-def between(p: Float[AnyArray, "*some 4"], other: Float[AnyArray, "*some 4"]) -> Any:
+def between(p: Float[AnyArray, "*some 4"], other: Float[AnyArray, "*some 4"]) -> Numeric:
     """conj(p) p', the turn from one to another."""
     return product(p * np.array([1.0, -1.0, -1.0, -1.0], p.dtype), other[..., 1:], other[..., :1])
 
 
-def quaternion(matrix: Float[AnyArray, "3 3"]) -> Any:
+def quaternion(matrix: Float[AnyArray, "3 3"]) -> Numeric:
     """The quaternion of a rotation matrix, from the largest of its four entries."""
     xp, (a, b, c) = numpy_of(matrix), matrix
     candidates = xp.stack(
@@ -140,7 +140,7 @@ def quaternion(matrix: Float[AnyArray, "3 3"]) -> Any:
     return best / xp.sqrt(xp.sum(best * best))
 
 
-def as_quaternion(argument: str, value: Numbers) -> Any:
+def as_quaternion(argument: str, value: Numbers) -> Numeric:
     """A unit quaternion (w, x, y, z), given as one of any length or as a rotation matrix."""
     array = floats(value)
     if array.shape == (3, 3):
@@ -161,7 +161,7 @@ def as_quaternion(argument: str, value: Numbers) -> Any:
     return array / numpy_of(array).sqrt(numpy_of(array).sum(array * array))
 
 
-def axes_along(argument: str, axis: Numbers, mark: Numbers | None = None) -> Any:
+def axes_along(argument: str, axis: Numbers, mark: Numbers | None = None) -> Numeric:
     """Right-handed axes as columns: z along an axis, x along the part of a mark square to it.
 
     Without a mark that is (1, 0, 0), and (0, 1, 0) of axes near it. No rule without a jump is there for all directions.

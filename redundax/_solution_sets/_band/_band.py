@@ -33,6 +33,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._json import JSON
 from ..._tools._module import finite, replace_fields
 from ..._tools._numbers import computed
 from ..._tools._table import figures, group, page, text_of
@@ -136,10 +137,9 @@ class Bands:
         """The bands along "output", with kinds and units beside; needs xarray, of the extra `study`."""
         return bands_dataset(self, ("output",), {})
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; figures that were not found become None."""
-        out = {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
-        return {**out, "empty": self.empty}
+        return {name: plain(getattr(self, name)) for name in (*(x.name for x in dataclasses.fields(self)), "empty")}
 
     def __str__(self) -> str:
         labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]

@@ -7,7 +7,7 @@ So a drive needs more to raise than to hold, and less to lower: hysteresis, whic
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -24,6 +24,7 @@ from ..._system._pushing import changing
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem, check_system
 from ..._system._units import with_unit
+from ..._tools._json import JSON
 from ..._tools._numbers import computed, xp
 from ..._tools._table import text_of, without_rounding
 from .._at_rest import free_slips, is_still
@@ -165,7 +166,7 @@ class BandPath:
             self, ("state", "output"), {"t": ("state", self.t, {"units": self.time_unit} if self.time_unit else {})}
         )
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities and NaN become None."""
         figures = ("names", "units", "t", "q", "qd", "motion", "stands", "lower", "upper", "outer_lower", "outer_upper")
         return {

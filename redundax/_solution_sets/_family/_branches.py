@@ -9,8 +9,7 @@ that walks have found, until no walk is left.
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable
 
 import jax
 import numpy as np
@@ -43,7 +42,7 @@ def trace(
     axes: tuple[np.ndarray, ...],
     factors: np.ndarray,
     proved: bool,
-    watch: Callable[[Sequence[Any]], Iterable[Any]],
+    watch: Callable[[range], Iterable[int]],
 ) -> Branches:
     """All solutions that are found over the grid; they are taken for one piece where one each is proved."""
     shape = tuple(axis.size for axis in axes)
@@ -66,7 +65,7 @@ def trace(
 
 
 def _search(
-    solutions: SolutionSet, points: np.ndarray, factors: np.ndarray, watch: Callable[[Sequence[Any]], Iterable[Any]]
+    solutions: SolutionSet, points: np.ndarray, factors: np.ndarray, watch: Callable[[range], Iterable[int]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices of points and friction there, for every solution that differs."""
     size = max(1, _CHUNK // (1 + len(factors)))
@@ -96,7 +95,7 @@ class _Graph:
         """Number of walks that ended nowhere."""
         return sum(other == _LOST for other, _ in self.links.values())
 
-    def join(self, watch: Callable[[Sequence[Any]], Iterable[Any]]) -> None:
+    def join(self, watch: Callable[[range], Iterable[int]]) -> None:
         """Walk from every node to all sides."""
         sides: tuple[int, ...] = (1,)  # most downward walks are upward ones of others
         while todo := self._open(sides) or (sides == (1,) and self._open((0, 1))):

@@ -13,7 +13,7 @@ solutions to branches.
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -30,6 +30,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._json import JSON
 from ..._tools._module import Numbers, as_float, replace_fields
 from ..._tools._numbers import computed
 from ..._tools._table import text_of
@@ -128,7 +129,7 @@ class SolutionFamily:
         """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here."""
         return np.asarray(multipliers) @ self.weights.T - self.offset
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data."""
         out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return {key: plain(value) for key, value in out.items()}
@@ -187,7 +188,7 @@ def solution_family(
     sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
-    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    watch: Callable[[range], Iterable[int]] = iter,
 ) -> SolutionFamily:
     """Every frictional solution that is found along one or two self-stress states, and how many there are.
 
@@ -240,7 +241,7 @@ def families_of(
     closure: AbstractClosure = _MINIMUM_NORM,
     z: Numbers | None = None,
     samples: int = 201,
-    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    watch: Callable[[range], Iterable[int]] = iter,
 ) -> list[SolutionFamily]:
     """`solution_family` along each of the self-stress states of a report, which is that of the closure."""
     solutions = solutions_of(system, state, factor, report, None, closure)
@@ -266,7 +267,7 @@ class _Search(NamedTuple):
     samples: int
     starts: int | None
     seed: int
-    watch: Callable[[Sequence[Any]], Iterable[Any]]
+    watch: Callable[[range], Iterable[int]]
 
 
 def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily:

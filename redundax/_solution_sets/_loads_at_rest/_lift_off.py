@@ -10,7 +10,7 @@ there on.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._json import JSON
 from ..._tools._numbers import Numeric, as_numbers, computed, or_one, xp
 from ..._tools._table import text_of
 from ._added_load import added_load
@@ -89,7 +90,7 @@ class LiftOff:
         before, after = self.contacts[k : k + 2]
         return tuple(name for name, does in after.items() if before[name] == "carries" != does)
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities become None."""
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 

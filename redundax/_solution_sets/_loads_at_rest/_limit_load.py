@@ -10,7 +10,7 @@ unique, there are loads of any stiffness wherever any equilibrium with contacts 
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -26,6 +26,7 @@ from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._json import JSON
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, computed, xp
 from ..._tools._table import text_of
@@ -104,7 +105,7 @@ class LimitLoad:
     lifts: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
     carries: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities and NaN become None."""
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 

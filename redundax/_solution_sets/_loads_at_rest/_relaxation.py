@@ -1,8 +1,11 @@
 """Linear programmes that hold all that is possible over cones of loads, or only what is possible beside some loads."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import scipy.optimize
 import copy
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -138,7 +141,7 @@ class Relaxation:
         size = np.abs(left).max(axis=1, initial=0.0)
         size = np.where(size > 0, size, 1.0)
 
-        def solve(cost: np.ndarray, presolve: bool) -> Any:
+        def solve(cost: np.ndarray, presolve: bool) -> "scipy.optimize.OptimizeResult":
             options = {"primal_feasibility_tolerance": TOLERANCE, "dual_feasibility_tolerance": TOLERANCE}
             return linprog(
                 -cost,

@@ -1,11 +1,11 @@
 """What is known of a mechanism at rest: whether it sticks, as text and data."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
 from ..._analysis._outputs import plain
+from ..._tools._json import JSON
 from ..._tools._table import text_of
 
 
@@ -67,7 +67,7 @@ class Sticking:
     can_hold: bool
     solved: float
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, JSON]:
         """Plain Python data; infinities become None."""
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 

@@ -5,13 +5,14 @@ bar     from a start to an end: local frame at the start, x along it, y along an
 chain   bars from each point to the next; the ground is the last link, from the last point to the first
 """
 
-from typing import Any
+from collections.abc import Sequence
 
 from ..._bodies._body import GROUND
 from ..._bodies._space._body import Body
 from ..._bodies._space._joints._pairs import Revolute
 from ..._bodies._space._rotation import axes_along
 from ..._tools._module import Numbers, floats, numpy_of
+from ..._tools._numbers import Numeric
 
 _NAMES = "ABCDEF"
 
@@ -34,7 +35,9 @@ def bar(
     )
 
 
-def chain(points: Any, axes: Any, mass: Numbers, width: Numbers = 0) -> tuple[list[Body], list[Revolute]]:
+def chain(
+    points: Sequence[Numeric] | Numeric, axes: Sequence[Numeric] | Numeric, mass: Numbers, width: Numbers = 0
+) -> tuple[list[Body], list[Revolute]]:
     """Bars "1", "2", ... and the revolutes "A", "B", ... at the points: each of a bar on the one before it."""
     bodies = [bar(str(k + 1), mass, points[k], points[k + 1], axes[k], width) for k in range(len(points) - 1)]
     links = [GROUND, *bodies, GROUND]

@@ -8,7 +8,7 @@ closed, so that these multipliers are moments; that of `ConstantVelocity`, whose
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -30,7 +30,7 @@ from ._components import FREE, LOCKED
 from ._relative import Relative
 
 
-class AbstractJoint(AbstractAnyJoint):
+class AbstractJoint(AbstractAnyJoint[Pose]):
     """A joint between the bodies i and j in space.
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
@@ -164,7 +164,9 @@ class AbstractPlacedJoint(AbstractJointOfPlacements):
         """That, its rate and the rate of this, from poses with theirs."""
         return Relative.along(self, i, j)
 
-    def by_velocities(self, function: Callable[[Any, Any], Array], i: Pose, j: Pose) -> Float[Array, "values columns"]:
+    def by_velocities(
+        self, function: Callable[[Pose, Pose], Array], i: Pose, j: Pose
+    ) -> Float[Array, "values columns"]:
         seen, rates = Relative.moved(self, i, j)
         none = jax.tree.map(jnp.zeros_like, i.unit_rates())
         by_i, by_j = (

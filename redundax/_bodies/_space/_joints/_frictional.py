@@ -8,7 +8,7 @@ with the arms a that make velocities of the surfaces of their rates: a length fo
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ At: TypeAlias = Numbers | None
 _ENDS = EndContacts()
 
 
-class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
+class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint[Pose]):
     """A joint whose loads press its `surfaces` together, so that it can have friction."""
 
     surfaces: ClassVar[Surfaces] = Surfaces()
@@ -45,7 +45,7 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
     def law(self) -> AbstractFrictionModel | None:
         if self.friction is None or not self.surfaces.is_moment:
             return self.friction
-        return self.friction.about(self._size(self.surfaces.radius))
+        return self.friction.about(cast(Array, self._size(self.surfaces.radius)))
 
     def pin(self) -> Array | None:
         return self._size("pin_radius") if self.surfaces is PIN else None
@@ -56,14 +56,13 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
     @property
     def size(self) -> ContactSize:
         """What the contact needs to know."""
-        length = self._size(self.surfaces.bend)
-        share, twist = self._size("thrust_share" if self.surfaces.axial else ""), self._size(self.surfaces.twist)
-        return ContactSize(None if isinstance(length, Overlap) else length, share, twist)
+        share = self._size("thrust_share" if self.surfaces.axial else "")
+        return ContactSize(self._size(self.surfaces.bend), share, self._size(self.surfaces.twist))
 
     @property
     def overlap(self) -> Overlap | None:
         """What the length of the contact is, where it changes."""
-        length = self._size(self.surfaces.bend)
+        length = getattr(self, self.surfaces.bend) if self.surfaces.bend else None
         return length if isinstance(length, Overlap) else None
 
     @property
@@ -85,7 +84,10 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
         self.rub(**rubs)
 
     def rub(
-        self, friction: AbstractFrictionModel | None = None, contact: AbstractContact = _ENDS, **sizes: Any
+        self,
+        friction: AbstractFrictionModel | None = None,
+        contact: AbstractContact = _ENDS,
+        **sizes: Numbers | Overlap | None,
     ) -> None:
         """Set the friction of a joint that is being made, and the sizes of its surfaces as far as they are given."""
         check_friction(self.name, friction)
@@ -127,8 +129,10 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
                     f"`contact=rx.spatial.{type(contact).__name__}({term}=False)`."
                 )
 
-    def _size(self, name: str) -> Any:
-        return getattr(self, name) if name else None
+    def _size(self, name: str) -> Array | None:
+        """A size of the surfaces that is known and does not change."""
+        value = getattr(self, name) if name else None
+        return None if isinstance(value, Overlap) else value
 
 
 class AbstractPressedJoint(AbstractContactJoint):
@@ -165,7 +169,7 @@ class AbstractPressedJoint(AbstractContactJoint):
         return self.surfaces.pressed(multipliers, self.row_kinds)
 
 
-class AbstractFrictionalJoint(AbstractPressedJoint, AbstractOneSlip):
+class AbstractFrictionalJoint(AbstractPressedJoint, AbstractOneSlip[Pose]):
     """A joint with one slip coordinate whose loads press its surfaces together, so that it can have friction.
 
     The slip is its coordinate, if it does not say another.

@@ -4,7 +4,7 @@ Both pins carry the force F of the joint and its moment T about the normal n = z
 whose load square to the pin is F less its part along the pin, and whose bending moment is T n.
 """
 
-from typing import ClassVar, Unpack
+from typing import ClassVar, Unpack, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -95,21 +95,25 @@ class Universal(AbstractContactJoint):
         return self.coordinates(i, j)
 
     def forces(
-        self, model: AbstractFrictionModel, ends: Ends, loads: Array, rate: Array, sense: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends | None, loads: Array, rate: Array, sense: Array, memory: PyTree
     ) -> Float[Array, "2"]:
         """Friction moments at both pins."""
         normal = jnp.zeros(2, rate.dtype)
         if model.depends_on_load:
-            normal = jnp.stack([self.contact.normal_load(load, self.size) for load in self._pins(loads, ends)])
+            normal = jnp.stack(
+                [self.contact.normal_load(load, self.size) for load in self._pins(loads, cast(Ends, ends))]
+            )
         return eqx.filter_vmap(model.force)(normal, rate, sense, memory)
 
     def largest_changes(
-        self, model: AbstractFrictionModel, ends: Ends, change: Array, rate: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends | None, change: Array, rate: Array, memory: PyTree
     ) -> Float[Array, "2"]:
         """Bounds of the changes of friction by a change of the multipliers."""
         if not model.depends_on_load:
             return jnp.zeros(2, rate.dtype)
-        most = jnp.stack([self.contact.largest_change(load, self.size) for load in self._pins(change, ends)])
+        most = jnp.stack(
+            [self.contact.largest_change(load, self.size) for load in self._pins(change, cast(Ends, ends))]
+        )
         slope = eqx.filter_vmap(model.slope_bound)(rate, memory)
         return jnp.where(slope == 0, 0.0, slope * most)
 

@@ -104,7 +104,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
             touching = xp.asarray(given_i.point) - xp.asarray(self.radius) * up / xp.linalg.norm(up)
             given_j = replace_fields(given_j, point=as_float(touching))
         self.place_both(name, i, j, (given_i, given_j), (on_i, on_j))
-        check_wheel(self, ORDER)
+        check_wheel(self.name, self.radius, self.rows, self.one_sided, ORDER)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         a, n = i.rotate(self.axes_i[:, 2]), j.rotate(self.axes_j[:, 2])

@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 
 from ..._loads._function import AbstractLoadFunction
-from .._pose import Motion, Pose
+from .._pose import Motion, Pose, Wrench
 from ._base import AbstractLoad
 
 
-class LoadFunction(AbstractLoadFunction, AbstractLoad):
+class LoadFunction(AbstractLoadFunction[Motion, Wrench], AbstractLoad):
     """Any load between two bodies in space, written in jnp.
 
     ??? example
