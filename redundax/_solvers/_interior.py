@@ -144,15 +144,17 @@ def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], eno
         ]
         return jnp.minimum(1.0, _WITHIN * jnp.min(jnp.minimum(*ways), initial=jnp.inf))
 
-    products = jnp.where(held, slack * multiplier, 0.0)
-    mean = jnp.sum(products) / jnp.maximum(jnp.sum(own), 1.0)
-    first = direction(jnp.zeros_like(slack))
+    def mean(slack: Array, multiplier: Array) -> Array:
+        return jnp.sum(jnp.where(held, jnp.maximum(slack * multiplier - least, 0.0), 0.0)) / jnp.maximum(own.sum(), 1.0)
+
+    least = (
+        enough / 10 * jnp.maximum(multiplier, enough)
+    )  # of products: less slack makes it stiff
+    before, first = mean(slack, multiplier), direction(jnp.zeros_like(slack))
     far = part(first)
-    ahead = jnp.sum(jnp.where(held, (slack + far * first[1]) * (multiplier + far * first[2]), 0.0)) / jnp.maximum(
-        jnp.sum(own), 1.0
-    )
-    centre = jnp.clip((ahead / jnp.where(mean > 0, mean, 1.0)) ** 3, 1e-4, 1.0) * mean
-    centre = jnp.maximum(centre, enough**2 / 10)
+    ahead = mean(slack + far * first[1], multiplier + far * first[2])
+    centre = jnp.clip((ahead / jnp.where(before > 0, before, 1.0)) ** 3, 1e-4, 1.0) * before
+    centre = jnp.maximum(centre, least)
     last = direction(centre - far * far * first[1] * first[2])
     go = part(last)
     after = point._replace(

@@ -1,7 +1,7 @@
 """What laws of time have in common, and the instants at which those of a system are not smooth."""
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar, TypeGuard
 
 import jax
 import jax.numpy as jnp
@@ -75,5 +75,5 @@ def _joined(laws: list[AbstractLaw]) -> Float[Array, " instants"]:
     return jnp.concatenate([jnp.zeros(0), *(jnp.ravel(t) for law in laws for t in law.instants)])
 
 
-def _is_law(x: Any) -> bool:
+def _is_law(x: object) -> TypeGuard[AbstractLaw]:
     return isinstance(x, AbstractLaw)

@@ -7,18 +7,17 @@ for what is noted of each: lengths of steps differ by more than rounding, as err
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Bool, PyTree
 
 _EVERY = 256  # turns of a block
 
 
 def checkpointed_loop(
-    going: Callable[[PyTree, PyTree], Any],
+    going: Callable[[PyTree, PyTree], Bool[Array, ""]],
     turn: Callable[[PyTree, PyTree, PyTree], tuple[PyTree, PyTree]],
     start: tuple[PyTree, PyTree],
     held: PyTree,
