@@ -147,9 +147,7 @@ def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], eno
     def mean(slack: Array, multiplier: Array) -> Array:
         return jnp.sum(jnp.where(held, jnp.maximum(slack * multiplier - least, 0.0), 0.0)) / jnp.maximum(own.sum(), 1.0)
 
-    least = (
-        enough / 10 * jnp.maximum(multiplier, enough)
-    )  # of products: less slack makes it stiff
+    least = enough / 10 * jnp.maximum(multiplier, enough)  # of products: less slack makes it stiff
     before, first = mean(slack, multiplier), direction(jnp.zeros_like(slack))
     far = part(first)
     ahead = mean(slack + far * first[1], multiplier + far * first[2])
