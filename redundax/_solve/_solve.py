@@ -192,7 +192,8 @@ def _with_contacts(
     known = are_known(system, state, closure, solver, given)
 
     def alone(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
-        return solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
+        solution = solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
+        return solution if of or not system.friction else _free_where_jammed(solution, factor, chosen)
 
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
@@ -203,7 +204,8 @@ def _with_contacts(
         factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
         settled = found.settled & is_found
     arrays = (solution.acceleration, solution.multipliers, solution.friction)
-    a, lam, tau = (nan_where(~settled, x) for x in arrays)
+    lost = ~settled | differs(solution.result, RESULTS.successful)
+    a, lam, tau = (nan_where(lost, x) for x in arrays)
     left = xp.sum(~found.kept)
     solution = replace_fields(
         solution,
@@ -220,6 +222,16 @@ def _with_contacts(
         ),
     )
     return (as_arrays(solution) if known and not is_computing() else solution), factor
+
+
+def _free_where_jammed(solution: Solution, factor: AbstractSolvedFactorisation, chosen: Elasticity) -> Solution:
+    """With accelerations and loads without friction where that has no solution."""
+    jams = ~differs(solution.result, RESULTS.no_solution_found)
+    if is_concrete(jams) and not jams:
+        return solution
+    loads = factor.close(chosen.compliance)[0].closed(factor.multipliers, chosen.misfit)[1]
+    a = xp.where(jams, factor.acceleration, solution.acceleration)
+    return replace_fields(solution, acceleration=a, multipliers=xp.where(jams, loads, solution.multipliers))
 
 
 def solve_factorised(
