@@ -12,8 +12,8 @@ contacts the closure (W, d) decides as stiff joints do: the loads are nearest in
 whose conditions are 0 <= p _|_ s >= 0 with s = W lam - d - Phi_q u, u the displacement at which the closed rows have
 none. A row that does not push is left out of Phi, and all else is solved as it is. Rows change one at a time (Murty's
 principal pivoting, which ends at the one answer that there is without friction). Rows that are held where they would
-pull may jam with friction as no contact does: of a set without solution the loads without friction say which row does
-not push, of each row once.
+pull may jam with friction as no contact does: of a set without solution the loads of one sweep say which row does not
+push, of each row once.
 
 Rows of velocity may be tied to a contact, as those of a wheel: they hold while it carries or touches, however large
 their force, and are left out where it lifts or is open. That is friction without bound, with which there may be no
@@ -106,8 +106,8 @@ def of_rows(
     solved: Callable[..., tuple[Any, Elasticity, Any]], done: dict[bytes, tuple] | None
 ) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
     """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
-    it: the solution, the closure that it has, and whether that is found. Where friction has no solution, that without
-    friction may stand in its place. Of known numbers each set is solved once, and `done` holds those that are."""
+    it: the solution, the closure that it has, and whether that is found. Where friction has no solution, one sweep may stand
+    in its place. Of known numbers each set is solved once, and `done` holds those that are."""
 
     def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
         key = b"" if done is None else kept.tobytes()

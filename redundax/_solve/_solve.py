@@ -192,8 +192,9 @@ def _with_contacts(
     known = are_known(system, state, closure, solver, given)
 
     def alone(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
-        solution = solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
-        return solution if of or not system.friction else _free_where_jammed(solution, factor, chosen)
+        own = opened.anonymous, state, factor, chosen
+        solution = solve_factorised(*own, solver, *(of or stop_gradient(given)))
+        return solution if of or not system.friction else _swept_where_jammed(solution, *own, stop_gradient(given)[1])
 
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
@@ -224,14 +225,18 @@ def _with_contacts(
     return (as_arrays(solution) if known and not is_computing() else solution), factor
 
 
-def _free_where_jammed(solution: Solution, factor: AbstractSolvedFactorisation, chosen: Elasticity) -> Solution:
-    """With accelerations and loads without friction where that has no solution."""
+def _swept_where_jammed(
+    solution: Solution, system: AbstractSystem, state: State, factor: Any, chosen: Elasticity, sense: Array | None
+) -> Solution:
+    """With accelerations and loads of one sweep (27) where friction has no solution: under that of loads without it."""
     jams = ~differs(solution.result, RESULTS.no_solution_found)
     if is_concrete(jams) and not jams:
         return solution
-    loads = factor.close(chosen.compliance)[0].closed(factor.multipliers, chosen.misfit)[1]
-    a = xp.where(jams, factor.acceleration, solution.acceleration)
-    return replace_fields(solution, acceleration=a, multipliers=xp.where(jams, loads, solution.multipliers))
+    reduced = reduce(system, state, factor, chosen, sense=sense)
+    problem = cast(AbstractFrictionProblem, reduced.problem)
+    end = reduced.response.at(problem.law(problem.rho0))
+    a = xp.where(jams, end.acceleration, solution.acceleration)
+    return replace_fields(solution, acceleration=a, multipliers=xp.where(jams, end.multipliers, solution.multipliers))
 
 
 def solve_factorised(
