@@ -72,8 +72,8 @@ def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
 
 
 class _Step(NamedTuple):
-    """The active set on its way: contacts whose row is kept, those whose tied rows are, and those left out as a set had
-    no solution."""
+    """The active set on its way: contacts whose row is kept, those whose tied rows are, and those left out of sets that
+    had no solution."""
 
     loaded: Bool[Array, " c"]
     rolling: Bool[Array, " c"]
@@ -106,8 +106,8 @@ def of_rows(
     solved: Callable[..., tuple[Any, Elasticity, Any]], done: dict[bytes, tuple] | None
 ) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
     """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
-    it: the solution, the closure that it has, and whether that is found. Where friction has no solution, one sweep may stand
-    in its place. Of known numbers each set is solved once, and `done` holds those that are."""
+    it: the solution, the closure that it has, and whether that is found. Where friction has no solution, one sweep may
+    stand in its place. Of known numbers each set is solved once, and `done` holds those that are."""
 
     def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
         key = b"" if done is None else kept.tobytes()
