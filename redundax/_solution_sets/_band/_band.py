@@ -300,8 +300,8 @@ def bands_of(
     if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
         but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
         raise RedundaxError(
-            "Argument `bounds` must be a closure or a `MisfitBox` where contacts stand beside joints with friction "
-            f"that move, but is {but}. Or give the contacts that carry as joints."
+            "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
+            f"friction that move, but is {but}. Or give the contacts that carry as joints."
         )
     if (report.at_rest or report.contacts) and not moves:
         return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
