@@ -11,7 +11,9 @@ contacts the closure (W, d) decides as stiff joints do: the loads are nearest in
 
 whose conditions are 0 <= p _|_ s >= 0 with s = W lam - d - Phi_q u, u the displacement at which the closed rows have
 none. A row that does not push is left out of Phi, and all else is solved as it is. Rows change one at a time (Murty's
-principal pivoting, which ends at the one answer that there is without friction).
+principal pivoting, which ends at the one answer that there is without friction). Rows that are held where they would
+pull may jam with friction as no contact does: of a set without solution the loads of one sweep say which row does not
+push, of each row once.
 
 Rows of velocity may be tied to a contact, as those of a wheel: they hold while it carries or touches, however large
 their force, and are left out where it lifts or is open. That is friction without bound, with which there may be no
@@ -70,10 +72,12 @@ def as_held(system: AbstractSystem, kept: Bool[Numeric, " m"]) -> AbstractSystem
 
 
 class _Step(NamedTuple):
-    """The active set on its way: contacts whose row is kept, and those whose tied rows are."""
+    """The active set on its way: contacts whose row is kept, those whose tied rows are, and those left out of sets that
+    had no solution."""
 
     loaded: Bool[Array, " c"]
     rolling: Bool[Array, " c"]
+    parted: Bool[Array, " c"]
     changes: Int[Array, ""]
     goes_on: Bool[Array, ""]
     settled: Bool[Array, ""]
@@ -118,8 +122,8 @@ def of_rows(
     done: dict[bytes, tuple[Factorisation, S, Elasticity, Array]] | None,
 ) -> Callable[..., tuple[Factorisation, S, Elasticity, Array]]:
     """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
-    it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once, and
-    `done` holds those that are."""
+    it: the solution, the closure that it has, and whether that is found. Where friction has no solution, one sweep may
+    stand in its place. Of known numbers each set is solved once, and `done` holds those that are."""
 
     def of_set(
         system: AbstractSystem, state: State, elasticity: Elasticity, kept: Numeric, *more: PyTree
@@ -159,6 +163,8 @@ def active_set(
         factor, solution, bent, found = of_set(system, state, elasticity, kept)
         bent = with_rows(bent, kept, elasticity)
         wrong, contradicts, does, decided = signs(rows, closed, kept, at, (factor, solution, bent), asked.taken)
+        jams = ~differs(solution.result, RESULTS.no_solution_found) & ~contradicts
+        wrong = xp.where(jams & ~(step.loaded & ~step.parted), -1.0, wrong)
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
@@ -167,15 +173,16 @@ def active_set(
         touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
         touching = touching & (~asked.lets_go | step.loaded | decided)
         rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied)
-        failed = (~found | differs(solution.result, RESULTS.successful)) & ~contradicts
+        failed = (~found | differs(solution.result, RESULTS.successful)) & ~contradicts & ~jams
         settled = ~xp.any(flip | (rolling ^ step.rolling)) | failed
         changes = step.changes + xp.where(settled, 0, 1)
         loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
-        return _Step(loaded, rolling, changes, ~settled & (changes < most), settled, does, decided)
+        parted = step.parted | (flip & jams)
+        return _Step(loaded, rolling, parted, changes, ~settled & (changes < most), settled, does, decided)
 
     start = asked.loaded, xp.where(asked.lets_go, asked.loaded, closed) & xp.asarray(has_tied)
     none, yes = xp.zeros((), int), xp.ones((), bool)
-    begin = _Step(*start, none, yes, ~yes, xp.zeros(rows.size, int), closed)
+    begin = _Step(*start, closed & ~closed, none, yes, ~yes, xp.zeros(rows.size, int), closed)
     end = while_loop(lambda step: step.goes_on, body, begin)
     kept = rows_that_hold(names, end.loaded, end.rolling)
     return stop_gradient(ActiveSet(kept, end.changes, end.settled, end.contacts, end.decided))

@@ -199,7 +199,9 @@ def _with_contacts(
     known = are_known(system, state, closure, solver, given)
 
     def alone(opened: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity, *of: PyTree) -> Solution:
-        return solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
+        own = opened.anonymous, state, factor, chosen
+        solution = solve_factorised(*own, solver, *(of or stop_gradient(given)))
+        return solution if of or not system.friction else _swept_where_jammed(solution, *own, stop_gradient(given)[1])
 
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
@@ -210,7 +212,8 @@ def _with_contacts(
         factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
         settled = found.settled & is_found
     arrays = (solution.acceleration, solution.multipliers, solution.friction)
-    a, lam, tau = (nan_where(~settled, x) for x in arrays)
+    lost = ~settled | differs(solution.result, RESULTS.successful)
+    a, lam, tau = (nan_where(lost, x) for x in arrays)
     left = xp.sum(~found.kept)
     solution = replace_fields(
         solution,
@@ -227,6 +230,25 @@ def _with_contacts(
         ),
     )
     return (as_arrays(solution) if known and not is_computing() else solution), factor
+
+
+def _swept_where_jammed(
+    solution: Solution,
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    chosen: Elasticity,
+    sense: Array | None,
+) -> Solution:
+    """With accelerations and loads of one sweep (27) where friction has no solution: under that of loads without it."""
+    jams = ~differs(solution.result, RESULTS.no_solution_found)
+    if is_concrete(jams) and not jams:
+        return solution
+    reduced = reduce(system, state, factor, chosen, sense=sense)
+    problem = cast(AbstractFrictionProblem, reduced.problem)
+    end = reduced.response.at(problem.law(problem.rho0))
+    a = xp.where(jams, end.acceleration, solution.acceleration)
+    return replace_fields(solution, acceleration=a, multipliers=xp.where(jams, end.multipliers, solution.multipliers))
 
 
 def solve_factorised(

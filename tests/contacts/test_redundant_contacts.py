@@ -123,3 +123,34 @@ def test_guides_that_stops_hold_have_the_least_friction_in_a_motion_of_a_wheel_b
     motion = rx.simulate(machine, state, 0.5, closure=closure, ts=[0.0, 0.25, 0.5])
     np.testing.assert_array_equal([motion[f"tau G{x}"] for x in PLACES], 0.0)
     np.testing.assert_allclose(sum(motion[f"s{x}.axial"] for x in STOPS), HEAVY * G, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "feet, mu, height, force, moment",
+    [
+        ((-0.4, -0.25, -0.2), (0.35, 0.49, 0.21), 0.27, (24.0, 2.0), 0.4),  # its weight is beyond all feet
+        ((-0.1, 0.01, 0.07), (0.37, 0.55, 0.57), 0.34, (0.9, 4.8), -1.6),  # friction tips it
+    ],
+)
+def test_a_body_that_slides_on_three_feet_tips_over_the_first(feet, mu, height, force, moment):
+    """Over a foot at r = (x, -h) with N: I a = moment + (x - mu h) N, (force_y + N)/m - g + x a = 0."""
+    law = {"normal": (0.0, 1.0), "one_sided": True}
+    joints = [
+        rx.PinInSlot(f"f{k}", "body", "ground", (x, -height), (x, 0.0), friction=rx.Coulomb(own), **law)
+        for k, (x, own) in enumerate(zip(feet, mu, strict=True))
+    ]
+    m, inertia = 3.0, 0.2
+    loads = [rx.AppliedForce("body", force, moment=moment)]
+    mechanism = rx.Mechanism([rx.Body("body", m, inertia)], joints, loads=loads, gravity=(0.0, -9.81))
+    state = rx.State(jnp.array([0.0, height, 0.0]), jnp.array([1.0, 0.0, 0.0]))
+    x, friction = feet[2], mu[2]
+    arm = (x - friction * height) / inertia
+    N = (9.81 - force[1] / m - x * moment / inertia) / (1 / m + x * arm)
+    turn = moment / inertia + arm * N
+    expected = [(force[0] - friction * N) / m, -x * turn, turn]
+    assert N > 0 and all((x - other) * turn < 0 for other in feet[:2])  # the others lift
+    for solved in (rx.solve, jax.jit(rx.solve)):
+        found = solved(mechanism, state)
+        np.testing.assert_allclose(found.multipliers, [0.0, 0.0, N], rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(found.acceleration, expected, rtol=1e-10)
+    assert rx.solve(mechanism, state).contacts == {"f0": "lifts", "f1": "lifts", "f2": "carries"}

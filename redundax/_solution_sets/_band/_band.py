@@ -298,17 +298,17 @@ def bands_of(
     whole, (system, factor, _) = system, at
     moves = report.contacts and system.friction and not report.at_rest and not report.problem
     if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
+        but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
         raise RedundaxError(
             "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
-            f"friction that move, but is a {type(bounds).__name__}. Or give the contacts that carry as joints."
+            f"friction that move, but is {but}. Or give the contacts that carry as joints."
         )
     if (report.at_rest or report.contacts) and not moves:
         return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
     if moves or rubbing or (system.friction and play is not None):
         return _by_solving(whole, (at, report), state, outputs, cast(Any, bounds), sense, effort)
     samples, starts, seed, _ = effort
-    solutions = solutions_of(system, state, factor, report, sense)
-    wanted = _wanted(system, state, outputs, report)
+    solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
     matrix, unique = wanted.matrix, wanted.unique
     _check_values(wanted.names, matrix, solutions)
     if not report.pivots and report.undetermined:

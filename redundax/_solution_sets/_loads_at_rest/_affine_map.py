@@ -15,6 +15,10 @@ class AffineMap(NamedTuple):
     def __call__(self, x: np.ndarray) -> np.ndarray:
         return self.matrix @ x + self.offset
 
+    def along(self, ray: np.ndarray) -> np.ndarray:
+        """The change of y along a ray."""
+        return self.matrix @ ray
+
     def rows(self, rows: np.ndarray) -> "AffineMap":
         """Some of y."""
         return AffineMap(self.matrix[rows], self.offset[rows])

@@ -37,13 +37,20 @@ class _Node(NamedTuple):
 
     order: float
     number: int
-    bound: float
-    x: np.ndarray | None
+    found: Optimum
     cones: list[Rays]
 
     @classmethod
     def of(cls, found: Optimum, cones: list[Rays], numbers: Iterator[int]) -> "_Node":
-        return cls(-found.value, next(numbers), found.value, found.x, cones)
+        return cls(-found.value, next(numbers), found, cones)
+
+    @property
+    def bound(self) -> float:
+        return self.found.value
+
+    @property
+    def x(self) -> np.ndarray | None:
+        return self.found.x
 
 
 class LoadsAtRest:
@@ -86,17 +93,14 @@ class LoadsAtRest:
             if node.x is not None and (node.number < 8 or node.number % 16 == 0):
                 found, steps = relaxed.inner(cost, node.x)
                 best, solved = max(best, found, key=_value_of), solved + steps
-            cuts = [] if node.x is None else relaxed.violated(node.x)
-            if (node.x is not None and relaxed.beyond(node.x, node.cones)) or cuts:
-                relaxed.cuts += cuts
+            if relaxed.leaves(node.found, node.cones):
                 solved += 1
                 heapq.heappush(queue, _Node.of(relaxed.outer(cost, node.cones), node.cones, order))
                 continue
-            excess = np.full(len(self.start), np.inf) if node.x is None else relaxed.excess(node.x)
-            if np.all(excess <= relaxed.kept):
-                best = max(best, Optimum(node.bound, node.x), key=_value_of)
+            if self._kept(node.found):
+                best = max(best, node.found, key=_value_of)
                 continue
-            cones = self._split(node.cones, node.x, excess)
+            cones = self._split(node.cones, node.found)
             if not cones:
                 left = max(left, node.bound)
             for cone in cones:
@@ -110,16 +114,28 @@ class LoadsAtRest:
         wider = _ROUNDING * max(1.0, abs(bound)) if np.isfinite(bound) and cost.any() else 0.0
         return Extreme(size * best.value, best.x, size * (bound + wider))
 
-    def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
+    def _kept(self, found: Optimum) -> bool:
+        """Whether limits are kept where a programme found its largest value, and far out if that has no bound."""
+        ways = [(found.x, False), (found.ray, True)][: 1 if np.isfinite(found.value) else 2]
+        return all(x is not None and self._keeps(self.relaxed.excess(x, far)) for x, far in ways)
+
+    def _keeps(self, excess: np.ndarray) -> bool:
+        return bool(np.all(excess <= self.relaxed.kept))
+
+    def _split(self, cones: list[Rays], found: Optimum) -> list[list[Rays]]:
         """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
         own, settled = self.relaxed.own, self._settled
+        far = found.ray is not None and not self._keeps(self.relaxed.excess(found.ray, True))
+        x = found.ray if far else found.x
+        excess = np.full(len(self.start), np.inf) if x is None else self.relaxed.excess(x, far)
         for j in np.argsort(-excess):
             if settled[j] or excess[j] <= self.relaxed.kept[j] or (x is None and cones[j] is not None):
                 continue
             if cones[j] is None:
                 parts = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=len(own[j].offset))]
             else:
-                parts = _parts(cast(np.ndarray, cones[j]), own[j](cast(np.ndarray, x)))
+                loads = own[j].along(cast(np.ndarray, x)) if far else own[j](cast(np.ndarray, x))
+                parts = _parts(cast(np.ndarray, cones[j]), loads)
             if parts:
                 return [[*cones[:j], part, *cones[j + 1 :]] for part in parts]
         return []
@@ -152,6 +168,8 @@ class LoadsAtRest:
     def _take(self, ranges: list[np.ndarray]) -> None:
         """Limits and cones of the loads within their ranges: a convex limit is largest at a vertex."""
         for j, own in enumerate(ranges):
+            if len(own) == 1 and np.isinf(own).any():
+                self.start[j] = _ray(own[0])
             if not len(own) or not np.all(np.isfinite(own)):
                 continue
             vertices = np.array(list(itertools.product(*own)))
@@ -186,7 +204,7 @@ def _cone(points: np.ndarray) -> Rays:
     if points.shape[1] > 2:
         return _simplex_cone(points, middle)
     if points.shape[1] == 1:
-        return np.sign(middle)[:, None] if points.min() > 0 or points.max() < 0 else None
+        return _ray(np.array([points.min(), points.max()]))
     if np.all(points.min(axis=0) <= 0) and np.all(points.max(axis=0) >= 0):
         return None
     along = middle / np.linalg.norm(middle)
@@ -195,6 +213,12 @@ def _cone(points: np.ndarray) -> Rays:
     if most - least > _WIDEST:
         return None
     return np.stack([_turned(along, least), _turned(along, most)], axis=1)
+
+
+def _ray(ends: np.ndarray) -> Rays:
+    """The cone of a single load between ends; None if both signs are possible, beyond rounding."""
+    least, most = ends
+    return np.array([[1.0]]) if least >= -_ROUNDING else np.array([[-1.0]]) if most <= _ROUNDING else None
 
 
 def _simplex_cone(points: np.ndarray, middle: np.ndarray) -> Rays:

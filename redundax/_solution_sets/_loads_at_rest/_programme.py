@@ -17,7 +17,8 @@ A slip that moves has all of its friction: `full` says at which limit. The lower
 Slips at rest that share one friction are within a ball, |t_b| <= up_b: u . t_b <= up_b for every unit vector u.
 Programmes have such planes for the directions u of what they found beyond the ball.
 
-Cones are of the loads that the equations leave independent.
+Cones are of the loads that the equations leave independent. A programme without bound grows along a ray, and so does
+what is possible if the ray is within all limits far out: constants count for nothing there.
 """
 
 from collections.abc import Callable
@@ -72,6 +73,12 @@ class Programme(NamedTuple):
             size[ball] = np.linalg.norm(t[ball])
         return size / np.where(most > 0, most, 1.0)
 
+    def limits_along(self, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Lower limits with their sign turned and upper ones, by which they grow along a ray."""
+        none, far = self.limits(np.zeros(len(self.read.offset)))[:2], self.limits(self.read.along(ray))[:2]
+        down, up = (far - np.where(np.isinf(none), 0.0, none) for none, far in zip(none, far, strict=True))
+        return down, up
+
     def with_limits(self, factor: float) -> "Programme":
         """The same with all limits multiplied."""
         return self._replace(limits=lambda loads: LimitValues(*(factor * part for part in self.limits(loads))))
@@ -85,10 +92,14 @@ class Row(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Of a linear programme: infinite without bound, at any x that it allows, or None; -inf without solution."""
+    """Of a linear programme: infinite without bound, at any x that it allows, or None; -inf without solution.
+
+    `ray`: in which direction from x it grows without bound, of size 1; None where it does not.
+    """
 
     value: float
     x: np.ndarray | None
+    ray: np.ndarray | None = None
 
 
 NOTHING = Optimum(-np.inf, None)

@@ -49,13 +49,23 @@ class Relaxation:
         rows = [row for j, rays in enumerate(cones) for row in self._over_cone(j, rays)]
         return self._solve(cost, rows + self._touching(self._radii_over(cones)))
 
-    def beyond(self, x: np.ndarray, cones: Sequence[Rays]) -> bool:
-        """Whether x is outside a ball whose radius is the largest over cones; a plane keeps it out then.
+    def leaves(self, found: Optimum, cones: Sequence[Rays]) -> bool:
+        """Whether it is outside a ball whose radius is the largest over cones, or what is convex; rows keep it in then.
 
-        Less than a part of what smaller cones would keep out does not count.
+        Of a ball less than a part of what smaller cones would keep out does not count.
         """
-        enough = _PART * np.max(self.excess(x), initial=0.0)
-        return self._kept_out(x, self._radii_over(cones), enough)
+        return self._leaves(found, self._radii_over(cones), _PART)
+
+    def _leaves(self, found: Optimum, radii: list[Row], part: float = 0.0) -> bool:
+        """The same of balls with given radii: where it is, and along its ray."""
+        leaves = False
+        for x, far in ((found.x, False), (found.ray, True)):
+            if x is not None:
+                cuts = self.violated(x, far)
+                out = self._kept_out(x, radii, part * np.max(self.excess(x, far), initial=0.0) if part else 0.0, far)
+                self.cuts += cuts
+                leaves = leaves or out or bool(cuts)
+        return leaves
 
     def inner(self, cost: np.ndarray, x: np.ndarray) -> tuple[Optimum, int]:
         """A local extreme of what is possible, from loads beside it, and the number of programmes."""
@@ -80,10 +90,8 @@ class Relaxation:
         """The largest c^T x under the rows and within balls of these radii, with cuts until what is convex is kept."""
         found = self._solve(cost, rows + self._touching(radii))
         for _ in range(_ROUNDS):
-            cuts = [] if found.x is None else self.violated(found.x)
-            if found.x is None or not (self._kept_out(found.x, radii) or cuts):
+            if not self._leaves(found, radii):
                 break
-            self.cuts += cuts
             found = self._solve(cost, rows + self._touching(radii))
         return found
 
@@ -96,12 +104,12 @@ class Relaxation:
                 out += map(Row, sides @ T[ball] + radius.left, (radius.right - sides @ t[ball]).tolist())
         return out
 
-    def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float = 0.0) -> bool:
-        """Whether x is outside a ball; a plane keeps it out then."""
-        t, out = self.programme.bounded(x), False
+    def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float, far: bool) -> bool:
+        """Whether x is outside a ball, or a ray far out; a plane keeps it out then."""
+        t, out = self.programme.bounded.along(x) if far else self.programme.bounded(x), False
         for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True):
-            length = np.linalg.norm(t[ball])
-            if length > radius.right - radius.left @ x + max(enough, self.kept[ball[0]]):
+            length, right = np.linalg.norm(t[ball]), 0.0 if far and radius.right < np.inf else radius.right
+            if length > right - radius.left @ x + max(enough, self.kept[ball[0]]):
                 planes.append(t[ball] / length)
                 out = True
         return out
@@ -141,14 +149,15 @@ class Relaxation:
         size = np.abs(left).max(axis=1, initial=0.0)
         size = np.where(size > 0, size, 1.0)
 
-        def solve(cost: np.ndarray, presolve: bool) -> "scipy.optimize.OptimizeResult":
+        def solve(cost: np.ndarray, presolve: bool, far: bool = False) -> "scipy.optimize.OptimizeResult":
             options = {"primal_feasibility_tolerance": TOLERANCE, "dual_feasibility_tolerance": TOLERANCE}
             return linprog(
                 -cost,
                 left / size[:, None],
-                right / size,
-                *own.equal,
-                own.box,
+                0.0 * right if far else right / size,
+                own.equal[0],
+                0.0 * own.equal[1] if far else own.equal[1],
+                np.where(np.isinf(own.box), np.sign(own.box), 0.0) if far else own.box,
                 options={**options, "presolve": presolve},
             )
 
@@ -159,26 +168,28 @@ class Relaxation:
             if found.status == 2 and not presolve:
                 return NOTHING
             if found.status == 3:
-                return Optimum(np.inf, solve(np.zeros_like(cost), presolve).x)
+                ray = solve(cost, presolve, far=True).x
+                grows = ray is not None and cost @ ray > TOLERANCE
+                return Optimum(np.inf, solve(np.zeros_like(cost), presolve).x, ray if grows else None)
         return Optimum(np.inf, None)
 
-    def violated(self, x: np.ndarray) -> list[Row]:
-        """Cuts that x does not keep: of the ellipsoid, and of slips that have all of their friction."""
-        matrix, offset = self.programme.norm
-        cuts, at = [], matrix @ x + offset
+    def violated(self, x: np.ndarray, far: bool = False) -> list[Row]:
+        """Cuts that x, or a ray, does not keep: of the ellipsoid, and of slips that have all of their friction."""
+        (matrix, offset), reach = self.programme.norm, 0.0 if far else 1.0
+        cuts, at = [], matrix @ x + reach * offset
         length = np.linalg.norm(at)
-        if length > 1 + KEPT:
+        if length > reach + KEPT:
             cuts.append(Row(at @ matrix / length, float(1 - at @ offset / length)))
         if self.programme.full.any():
-            tangents = self._tangents(x)
-            cuts += [Row(-row.left, -row.right) for row, full in tangents if full and row.right - row.left @ x > KEPT]
+            rows = [row for row, full in self._tangents(x, far) if full]
+            cuts += [Row(-row.left, -row.right) for row in rows if reach * row.right - row.left @ x > KEPT]
         return cuts
 
-    def _tangents(self, x: np.ndarray) -> list[tuple[Row, bool]]:
-        """Of all limits at the loads of x, upper then lower; and whether the friction is that limit."""
+    def _tangents(self, x: np.ndarray, far: bool = False) -> list[tuple[Row, bool]]:
+        """Of all limits at the loads of x, or along a ray, upper then lower; and whether the friction is that limit."""
         own = self.programme
         (T, t), (R, r) = own.bounded, own.read
-        loads = R @ x + r
+        loads = R @ x + (0.0 if far else r)
         down, up, by_down, by_up = own.limits(loads)
         out = []
         for sign, limit, slope in ((1.0, up, by_up), (-1.0, down, by_down)):
@@ -187,11 +198,11 @@ class Relaxation:
             out += [(Row(a, float(b)), bool(full == sign)) for a, b, full, most in rows if most < np.inf]
         return out
 
-    def excess(self, x: np.ndarray) -> np.ndarray:
-        """By how much limits are exceeded, and full friction is missed; of a ball at its first entry."""
+    def excess(self, x: np.ndarray, far: bool = False) -> np.ndarray:
+        """By how much limits are exceeded, and full friction is missed, at x or along a ray; of a ball at its first."""
         own = self.programme
-        down, up = own.limits(own.read(x))[:2]
-        t = own.bounded(x)
+        down, up = own.limits_along(x) if far else own.limits(own.read(x))[:2]
+        t = own.bounded.along(x) if far else own.bounded(x)
         missed = np.where(own.full == 1, up - t, np.where(own.full == -1, down + t, -np.inf))
         excess = np.max([t - up, -t - down, missed], axis=0)
         for ball in own.balls:
