@@ -95,12 +95,8 @@ def assemble(
             "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
         )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q, "q")
-    qd, t = (
-        vector(
-            "qd", _without_prime("qd", qd) if isinstance(qd, Mapping) else qd, system.coordinates, " of coordinates"
-        ),
-        as_float(t, "t"),
-    )
+    qd = _without_prime("qd", qd) if isinstance(qd, Mapping) else qd
+    qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t, "t")
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = xp.result_type(q, qd, *own), given_axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
