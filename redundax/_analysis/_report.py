@@ -170,7 +170,13 @@ class Report:
             f"{len(self.coordinates)} coordinates, {len(self.rows)} constraints of rank {self.rank}: "
             f"{self.redundancy} redundant, {count_of(self.freedom, 'degree')} of freedom",
             f"Least singular value kept: {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
-            + (f"{self.gap:.1e} times any dropped" if np.isfinite(self.gap) else "none dropped"),
+            + (
+                f"{self.gap:.1e} times any dropped"
+                if np.isfinite(self.gap)
+                else "those dropped are zero"
+                if len(self.singular_values) > self.rank
+                else "none dropped"
+            ),
         ]
         if self.velocity_rows:
             own, freedom = self.holonomic_redundancy, len(self.coordinates) - self.holonomic_rank

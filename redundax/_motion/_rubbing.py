@@ -77,14 +77,14 @@ def at_instant(
     free, mode, decided = Response(a[:, 0], lam[:, 0] + caused), None, definiteness.is_yes
     if system.friction:
         response = LinearResponse(free, Response(a[:, 1:], lam[:, 1:]))
-        slip, own = directions.T @ a, -slip_gamma(system, state) if has_sense else 0.0
+        slip, bent = directions.T @ a, -slip_gamma(system, state) if has_sense else 0.0
         begins, parts = rate - directions.T @ state.qd, xp.abs(rate) + xp.abs(directions.T) @ xp.abs(state.qd)
         begins = xp.where(xp.abs(begins) > BLOCKED * float(xp.finfo(rate.dtype).eps) * parts, begins, 0.0)
-        drift = xp.where(impact, begins / _INSTANT, own)
+        drift = xp.where(impact, begins / _INSTANT, bent)
         linear = Linear(response, load, directions, xp.where(impact, 0.0, rate), slip[:, 0] + drift, slip[:, 1:], drift)
         mass = xp.diagonal(factor.mass)[:, None]
-        free = xp.sum(xp.where(mass > 0, directions**2 / or_one(mass), 0.0), axis=0)
-        linear = linear.without_rounding(free, right, factor.scaling.rows)
+        alone = xp.sum(xp.where(mass > 0, directions**2 / or_one(mass), 0.0), axis=0)
+        linear = linear.without_rounding(alone, right, factor.scaling.rows)
         own = replace_fields(asked.equations, system=system, touch=None)
         *free, mode, decided = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)

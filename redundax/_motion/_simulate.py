@@ -95,8 +95,9 @@ def simulate(
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `jump_ts`: instants at which loads or drivers jump or have a kink in time, in any order. Steps end there, and
       derivatives by these instants are as accurate as others. Without it steps that are not constant end at those of
-      `Trapezoid`, `SCurve`, `Cycloidal` and `Sampled` laws, derivatives by a kink are as accurate as the root of
-      `rtol`, and those by a jump are not had; by one of two instants that are equal they are NaN.
+      `Trapezoid`, `SCurve`, `Cycloidal` and `Sampled` laws whose figures are known, derivatives by a kink are as
+      accurate as the root of `rtol`, and those by a jump are not had; by one of two instants that are equal they are
+      NaN.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
       Reverse mode takes time and memory for each, reached or not.
@@ -236,7 +237,7 @@ def _restitution(
 def _instants(system: AbstractSystem, jump_ts: Numbers | None, rtol: ArrayLike | None, like: Array) -> Array | None:
     """Instants at which steps end, those of laws if none are given; None if there are none."""
     if jump_ts is None:
-        of_laws = None if rtol is None else instants_of(stop_gradient(system))
+        of_laws = None if rtol is None else instants_of(system)
         return None if of_laws is None else of_laws.astype(like.dtype)
     given = floats(jump_ts, "jump_ts")
     if given.ndim != 1 or (is_concrete(given) and not np.all(np.isfinite(np.asarray(given)))):

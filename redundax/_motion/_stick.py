@@ -122,9 +122,9 @@ def _prescribed(
     still = equations.still(linear.rate)
     if not isinstance(linear, Linear):
         return still, linear
-    rate, begins = (jnp.abs(x) * equations.slip_size for x in (linear.rate, linear.slip))
+    rate, pull = (jnp.abs(x) * equations.slip_size for x in (linear.rate, linear.slip))
     moves, free = rate > _MOVES * equations.speed, jnp.diagonal(linear.yields) > 0
-    begins = moves | (begins > jnp.maximum(rate**2 / equations.scaling.size, least))
+    begins = moves | (pull > jnp.maximum(rate**2 / equations.scaling.size, least))  # what rates alone cause is none
     still = still & equations.whole(free | ~moves)
     return still, linear._replace(slip=jnp.where(free | begins, linear.slip, 0.0))
 

@@ -144,10 +144,12 @@ def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], eno
         ]
         return jnp.minimum(1.0, _WITHIN * jnp.min(jnp.minimum(*ways), initial=jnp.inf))
 
+    # Of products, a tenth of what is asked for: with less slack beside large multipliers equations are stiff.
+    least = enough / 10 * jnp.maximum(multiplier, enough)
+
     def mean(slack: Array, multiplier: Array) -> Array:
         return jnp.sum(jnp.where(held, jnp.maximum(slack * multiplier - least, 0.0), 0.0)) / jnp.maximum(own.sum(), 1.0)
 
-    least = enough / 10 * jnp.maximum(multiplier, enough)  # of products: less slack makes it stiff
     before, first = mean(slack, multiplier), direction(jnp.zeros_like(slack))
     far = part(first)
     ahead = mean(slack + far * first[1], multiplier + far * first[2])

@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._module import as_float
-from .._tools._numbers import computed
+from .._tools._numbers import are_known, computed
 from .._tools._value import AbstractModule
 
 
@@ -64,9 +64,10 @@ class _Linear(AbstractLaw):
 
 
 def instants_of(system: PyTree) -> Float[Array, " instants"] | None:
-    """When laws of time that a system holds are not smooth; None if they always are."""
+    """When laws of time that a system holds are not smooth; None if they always are, or where they are traced: an
+    instant that moves with what derivatives are taken by would have to be told apart from others."""
     laws = [x for x in jax.tree.leaves(system, is_leaf=_is_law) if _is_law(x)]
-    instants = _joined(laws) if laws else None
+    instants = _joined(laws) if laws and are_known(laws) else None
     return instants if instants is not None and instants.size else None
 
 

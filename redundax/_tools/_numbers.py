@@ -454,7 +454,8 @@ class _Traced:
         with in_little_time(True), of_equations(not kind.loops), of_one_sample(kind.is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first, self.loops, self.spent = None, kind.loops, 0.0  # seconds of CPU in programs
+        self.first, self.loops, self.repeats = None, kind.loops, kind == STEPS
+        self.spent = 0.0  # seconds of CPU in programs, of what repeats
         self.options = partial(quick_options, True, True) if kind.is_large else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
             self.first = Interpreted(self.closed, self.options, times=kind.times)
@@ -480,14 +481,15 @@ class _Traced:
 
     def __call__(self, given: list[Numeric]) -> PyTree:
         self.calls += 1
-        out, begun, compiled = None, time.process_time(), self.is_compiled
+        out, timed = None, self.repeats and self.is_compiled
+        begun = time.process_time() if timed else 0.0
         if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
             with contextlib.suppress(Exception):
                 out = self.first([np.asarray(x) for x in given])
         if out is None:
             self.first = None
             out = [np.asarray(x) for x in self.program(*given)]
-        if compiled:
+        if timed:
             self.spent += time.process_time() - begun
         return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
 

@@ -1,11 +1,14 @@
 """Loads with a kink or a jump in time: derivatives after it, against closed forms of sliders at 30 digits."""
 
+import itertools
+
 import diffrax
 import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import redundax as rx
 
@@ -60,26 +63,57 @@ def test_derivatives_by_the_instant_of_a_kink_and_of_a_jump_are_as_accurate_as_o
 @pytest.mark.slow
 def test_steps_end_where_laws_of_time_are_not_smooth():
     """A spring pulls a slider along a trapezoid of speed that begins at 0.1 s and speeds up for 0.15 s."""
-    begin, ramp, speed, rate, end = 0.1, 0.15, 0.6, 4.0, 1.5
-    force = along_x(lambda i, t, law: 45.0 * (law(t) - i.pose.r[0]))
+    begin, ramp, speed, rate, stroke, end = 0.1, 0.15, 0.6, 4.0, 0.3, 1.5
+    law = 0.2 - 2.0 * rx.Trapezoid(-stroke / 2, speed / 2, rate / 2, begin=begin)
+    force = along_x(lambda i, t, p: p[0] * (p[1](t) - i.pose.r[0]))
 
-    def moved(stroke, **options):
-        law = 0.2 - 2.0 * rx.Trapezoid(-stroke / 2, speed / 2, rate / 2, begin=begin)
-        guide, pull = rx.Translational("guide", "b", "ground", *GUIDE), rx.LoadFunction("b", force, parameters=law)
+    def moved(stiff, **options):
+        guide = rx.Translational("guide", "b", "ground", *GUIDE)
+        pull = rx.LoadFunction("b", force, parameters=(stiff, law))
         mechanism = rx.Mechanism([rx.Body("b", 5.0, 0.1)], [guide], loads=[pull])
         return rx.simulate(mechanism, rx.assemble(mechanism, {"b.x": 0.2}), end, ts=[end], **options)
 
-    def place(stroke):
+    def place(stiff):
         """x'' = w^2 (s - x), so that e = s - x has e'' + w^2 e = s''."""
-        on, w = stroke / speed, mpmath.mpf(3)
+        on, w = stroke / speed, mpmath.sqrt(stiff / 5)
         boxes = [(begin, rate), (begin + ramp, -rate), (begin + on, -rate), (begin + on + ramp, rate)]
-        return 0.2 + stroke - sum(a * (1 - mpmath.cos(w * (end - t))) / w**2 for t, a in boxes)
+        return mpmath.mpf(0.5) - sum(a * (1 - mpmath.cos(w * (end - t))) / w**2 for t, a in boxes)
 
-    motion = moved(0.3)
-    np.testing.assert_allclose(motion["b.x"], [float(place(mpmath.mpf("0.3")))], rtol=1e-9)
+    motion = moved(45.0)
+    np.testing.assert_allclose(motion["b.x"], [float(place(mpmath.mpf(45)))], rtol=1e-9)
     assert motion.stats.steps + motion.stats.rejected < 40  # of 75 where steps do not end there
-    slope = jax.jacfwd(lambda stroke: moved(stroke, **FORWARD)["b.x"][0])(0.3)
-    np.testing.assert_allclose(slope, slope_of(place, (0.3,), 0), rtol=1e-7)
+    slope = jax.jacfwd(lambda stiff: moved(stiff, **FORWARD)["b.x"][0])(45.0)
+    np.testing.assert_allclose(slope, slope_of(place, (45.0,), 0), rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_derivatives_by_the_figures_of_a_law_that_jumps():
+    """Of a pendulum whose pivot follows a trapezoid of speed, by its stroke: no step ends at an instant that stays."""
+    mass, inertia, arm, gravity, speed, rate, begin, end = 1.0, 0.1, 0.5, 9.81, 0.6, 4.0, 0.1, 1.0
+
+    def swung(stroke):
+        law = rx.Trapezoid(stroke, speed, rate, start=1.0, begin=begin)
+        joints = [
+            rx.Translational("guide", "b", "ground", *GUIDE),
+            rx.DistanceDriver("drive", "b", "ground", (0.0, 0.0), (-1.0, 0.0), law),
+            rx.Revolute("pivot", "p", "b", (0.0, arm), (0.0, 0.0)),
+        ]
+        bodies = [rx.Body("b", 3.0, 0.1), rx.Body("p", mass, inertia)]
+        mechanism = rx.Mechanism(bodies, joints, gravity=(0.0, -gravity))
+        return rx.simulate(mechanism, rx.assemble(mechanism, {"p.y": -arm}), end, ts=[end], **FORWARD)["p.phi"][0]
+
+    def truth(stroke):
+        ramp, on = speed / rate, stroke / speed
+        ends, y = [0.0, begin, begin + ramp, begin + on, begin + on + ramp, end], [0.0, 0.0]
+        for (first, last), a in zip(itertools.pairwise(ends), (0.0, rate, 0.0, -rate, 0.0), strict=True):
+            pull = lambda t, y, a=a: (  # noqa: E731
+                [y[1], -mass * arm * (gravity * np.sin(y[0]) + a * np.cos(y[0])) / (inertia + mass * arm**2)]
+            )
+            y = solve_ivp(pull, (first, last), y, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        return y[0]
+
+    slope = (truth(0.3 + 1e-5) - truth(0.3 - 1e-5)) / 2e-5
+    np.testing.assert_allclose(jax.jacfwd(swung)(0.3), slope, rtol=1e-5)
 
 
 def test_what_jumps_cannot_be():

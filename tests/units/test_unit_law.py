@@ -250,8 +250,10 @@ def command(*arguments):
 
 
 def words(text):
-    """Text without numbers and line ends."""
-    return re.sub(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?", "#", " ".join(text.split()))
+    """Text without numbers and line ends, and without whether singular values that are dropped are zero or rounding."""
+    plain = re.sub(r"(?<![\w.])[-+]?\d[\d.]*(e[-+]?\d+)?", "#", " ".join(text.split()))
+    gap = "the smallest counted is # times the largest dropped, and a wide gap is a sure rank|# times any dropped"
+    return re.sub(gap, "those dropped are zero", plain)
 
 
 def length_of(folder, unit):

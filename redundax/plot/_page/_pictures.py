@@ -47,7 +47,7 @@ def drawing(
 
 def spectrum_picture(report: Report) -> Picture:
     """The singular values of the constraints and the gap that decides the rank."""
-    if not report.redundancy:
+    if len(report.singular_values) <= report.rank:
         tells = "none is dropped"
     elif np.isfinite(report.gap):
         tells = f"the smallest counted is {report.gap:.1g} times the largest dropped, and a wide gap is a sure rank"
