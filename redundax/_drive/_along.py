@@ -234,6 +234,11 @@ def laws_and_held(system: AbstractSystem, laws: Laws, hold: Sequence[str], start
         return laws
     labels = coordinates_of(system).labels
     places = [index_of("hold", name, labels, " of coordinates") for name in hold]
+    if both := [name for name in hold if name in laws]:
+        raise RedundaxError(
+            f"Argument `hold` must name coordinates that have no law, but {', '.join(both)} has one in `laws`. Leave it "
+            "out of one of them."
+        )
     values = values_of(system, start)
     return dict(laws) | {name: values[place] for name, place in zip(hold, places, strict=True)}
 
