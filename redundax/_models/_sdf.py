@@ -268,7 +268,8 @@ class _Reader(AbstractReader):
         return (low, high) if np.isfinite(low) or np.isfinite(high) else None
 
     def _spring(self, joint: Element, axis: str) -> _Spring:
-        words, dynamics = ("spring_stiffness", "spring_reference", "damping", "friction"), joint.find(f"{axis}/dynamics")
+        words = "spring_stiffness", "spring_reference", "damping", "friction"
+        dynamics = joint.find(f"{axis}/dynamics")
         return _Spring(*(self._number(dynamics, word, 0.0) for word in words))
 
     def _held(self) -> Iterator[Held]:

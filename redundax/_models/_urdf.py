@@ -44,8 +44,8 @@ def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib
         if given is None:
             return None
         raise RedundaxError(
-            f"Argument `closures` must be left out for '{path}': it gives loops to a URDF alone. Write loops in the file "
-            "itself."
+            f"Argument `closures` must be left out for '{path}': it gives loops to a URDF alone. Write loops in the "
+            "file itself."
         )
     if given is not None:
         return pathlib.Path(given)
