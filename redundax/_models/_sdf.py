@@ -199,7 +199,10 @@ class _Reader(AbstractReader):
 
     def _add_link(self, scope: _Scope, name: str, element: Element) -> None:
         self._numbers_of[id(scope), name], whole = 0, f"{scope.prefix}{name}"
-        if scope.is_static or is_true(element.findtext("kinematic")):
+        if scope.is_static:
+            return
+        if is_true(element.findtext("kinematic")):
+            self._notes.append(f"motion from outside of '{whole}': it rests where the file has it")
             return
         inertial = element.find("inertial")
         mass, inside = self._number(inertial, "mass", 1.0), NOWHERE if inertial is None else self._frame(inertial)

@@ -307,6 +307,7 @@ def test_a_kinematic_link_holds_as_the_ground_does(write):
     slide = SLIDE.replace("world", "base")
     found, solution = loaded(write(model(base, LINK.format("a", "0 0 1 0 0 0", ""), slide)))
     assert [body.name for body in found.described.bodies] == ["ground", "a"]
+    assert "motion from outside of 'base': it rests where the file has it" in found.notes
     np.testing.assert_allclose(float(solution["lift.travel''"]), -9.8, rtol=1e-12)
 
 
