@@ -195,7 +195,7 @@ def _with_contacts(
     which = take(have_no_gap(model, equations.scaling), rows)
     gap = take(-model.motion.value / equations.scaling.rows, rows) / equations.scaling.size
     holds = xp.asarray(~system.names.is_one_sided)
-    touch = Touch(holds, which & none, rank, equations.sense != equations.sense)
+    touch = Touch(holds, which & none, rank, equations.sense != equations.sense, xp.zeros_like(gap))
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
     impacts = ImpactLog(
         xp.zeros_like(state.t, int),

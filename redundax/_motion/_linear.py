@@ -118,14 +118,13 @@ class Linear(NamedTuple):
     ) -> Holding:
         """Friction of joints that stick or start to slip, if wanted, and of those that slip; `tolerance` is that of
         accelerations and of friction."""
-        zero, enough = tolerance
         gain, unit = self.response.unit.multipliers[rows], self.response.unit.acceleration
         own = yielding(self.yields, sizes)
         pull = jnp.abs(self.slip) * sizes
-        reverses = jnp.isinf(own) & (pull > zero * jnp.max(pull))  # whatever its friction
+        reverses = jnp.isinf(own) & (pull > tolerance[0] * jnp.max(pull))  # whatever its friction
         own = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, own)
         tau, settled = gauss_seidel(
-            lambda tau: limits(gain @ tau), self.slip, self.yields, own, 1 / sizes, enough, wanted, directions
+            lambda tau: limits(gain @ tau), self.slip, self.yields, own, 1 / sizes, tolerance, wanted, directions
         )
         caused, slip = (Change(matrix @ tau, jnp.abs(matrix) @ jnp.abs(tau)) for matrix in (unit, self.yields))
         return Holding(tau, caused, slip, settled)

@@ -89,12 +89,15 @@ class Touch(NamedTuple):
     - `rests`: contacts that touch, held closed by others; shape (c,).
     - `rank`: that of the rows that hold.
     - `idle`: friction of contacts that do not hold, which has none until they do; shape (p,).
+    - `overlap`: by how much those that do not hold overlap as steps begin, as contacts close together whose gaps differ
+      by rounding; relative to the size of the mechanism, shape (c,).
     """
 
     kept: Bool[Array, " m"]
     rests: Bool[Array, " c"]
     rank: Int[Array, ""]
     idle: Bool[Array, " p"]
+    overlap: Float[Array, " c"]
 
 
 class Solved(NamedTuple):

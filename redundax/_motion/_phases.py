@@ -31,7 +31,7 @@ from ._slip import Plan, no_plan
 from ._stepper import Begin, Diagnostics, Stepper
 from ._stick import Mode
 from ._times import within
-from ._touch import Hit, arrived, no_hit
+from ._touch import Hit, arrived, no_hit, overlaps
 from ._walk import Walk, walk
 
 # Steps that are kept at most where going forth and back are computed apart, and of how many coordinates together.
@@ -167,12 +167,14 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     first = jnp.where(mode.resting & (now.plan.time == jnp.inf), end - now.t, first)
     context = Context(now.held, mode.tau, mode.resting, None if equations.directions is None else sense)
     stepper = Stepper(options.solver, options.constant)
-    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
     span, ts = (now.t, end, jnp.minimum(first, end - now.t)), within(now.t, end, options.ts)
     y = now.y
     if contacts is not None:  # rows that were let go may have held it off those that hold from here on
         y = project(equations.system, now.t, y, now.held)
         y = jax.tree.map(lambda a, b: jnp.where(mode.resting, a, b), now.y, y)
+        touch = contacts.touch._replace(overlap=overlaps(equations, now.t, y))
+        contacts, equations = contacts._replace(touch=touch), equations.with_touch(touch)
+    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
     walked = _steps(stepper, options, span, y, args, ts)
     t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control
     here = (options.ts >= now.t) & (options.ts <= t)

@@ -18,6 +18,8 @@ from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_gamma, slip_motion
 from .._equations._response import LinearResponse, Response
+from .._solvers._friction_problem import Law
+from .._system._friction import load_rows
 from .._system._results import RESULTS
 from .._system._results import chosen as chosen_result
 from .._system._state import State
@@ -88,9 +90,9 @@ def at_instant(
         own = replace_fields(asked.equations, system=system, touch=None)
         *free, mode, decided = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)
-    found = decided & xp.all(xp.isfinite(a)) & xp.all(xp.isfinite(lam))
-    good, bad = as_numbers((RESULTS.successful, RESULTS.not_finite))
-    return AtInstant(a, lam, mode, chosen_result(found, good, bad))
+    finite = xp.all(xp.isfinite(a)) & xp.all(xp.isfinite(lam))
+    good, none, bad = as_numbers((RESULTS.successful, RESULTS.no_solution_found, RESULTS.not_finite))
+    return AtInstant(a, lam, mode, chosen_result(finite, chosen_result(decided, good, none), bad))
 
 
 @as_program
@@ -105,4 +107,9 @@ def _rubbing(
     mode = mode_of(*stop_gradient((equations, state, linear)), jnp.ones((), bool))
     solved = equations.with_sense(mode.sense).solved(state, linear, mode.tau)
     mode = mode._replace(tau=solved.tau, resting=jnp.zeros_like(mode.resting))
-    return solved.acceleration, solved.multipliers, mode, mode.decided
+    # Where rows that would pull jam, the loads of one sweep tell which, as in `solve`.
+    jams = ~jnp.all(jnp.isfinite(solved.tau))
+    law = Law.of(*stop_gradient((equations.system, linear.rate, mode.sense, state)))
+    swept = linear.response.at(law(linear.response.free.multipliers[load_rows(equations.system.friction)]))
+    a, lam = (jnp.where(jams, *each) for each in zip(swept, (solved.acceleration, solved.multipliers), strict=True))
+    return a, lam, mode, mode.decided & ~jams

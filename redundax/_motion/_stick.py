@@ -90,7 +90,7 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    enough = held * size if equations.touch is None else jnp.maximum(held * size, least)  # as nothing rests
+    enough = jnp.maximum(held * size, least)  # where no load pulls along slips, parts are rounding
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
         pulled = jnp.abs(acceleration) * equations.slip_size

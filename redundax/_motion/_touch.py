@@ -81,6 +81,14 @@ def no_hit(touch: Touch, like: Array) -> Hit:
     return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
 
 
+def overlaps(equations: Equations, t: Array, y: Moving) -> Float[Array, " c"]:
+    """By how much contacts that do not hold overlap, relative to the size of the mechanism."""
+    system, scale, kept = equations.system, equations.scaling, equations.touching.kept
+    rows = np.array(system.names.one_sided)
+    value = system.opened(jnp.ones_like(kept)).constraint(y.q, t) / scale.rows / scale.size
+    return jax.lax.stop_gradient(jnp.where(kept, 0.0, jnp.maximum(value, 0.0))[rows])
+
+
 def margins(
     equations: Equations, t: Array, y: Moving, context: Context, within: Bool[Array, ""] | bool = False
 ) -> Margins:
@@ -101,7 +109,7 @@ def margins(
     strain = bent - jacobian @ factor.nearest(jnp.where(kept, bent, 0.0))
     holds = kept[rows]
     push = jnp.where(holds, force[rows] / size, strain[rows] / or_one(jnp.max(jnp.abs(bent))))
-    apart = jnp.where(touch.rests, tolerance_of(_APART, gap), 0.0)
+    apart = jnp.maximum(jnp.where(touch.rests, tolerance_of(_APART, gap), 0.0), touch.overlap)
     gamma, mass = factor.motion.gamma, jnp.diagonal(system.mass(y.q, t))
     free = jnp.abs(linear.load) + jnp.abs(jacobian).T @ jnp.abs(solved.multipliers)
     parts = jnp.abs(solved.acceleration) + jnp.where(mass > 0, free / or_one(mass), 0.0)

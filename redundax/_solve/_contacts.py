@@ -11,7 +11,8 @@ contacts the closure (W, d) decides as stiff joints do: the loads are nearest in
 
 whose conditions are 0 <= p _|_ s >= 0 with s = W lam - d - Phi_q u, u the displacement at which the closed rows have
 none. A row that does not push is left out of Phi, and all else is solved as it is. Rows change one at a time (Murty's
-principal pivoting, which ends at the one answer that there is without friction). Rows that are held where they would
+principal pivoting, which ends at the one answer that there is without friction; with it sets may go round, and none is
+where it begins once more). Rows that are held where they would
 pull may jam with friction as no contact does: of a set without solution the loads of one sweep say which row does not
 push, of each row once.
 
@@ -156,7 +157,7 @@ def active_set(
         closed, at = contacts_at(system, state)
         asked = Asked(closed, closed, at, xp.zeros((), bool), largest_violation(state.qd.dtype))
     closed, at = asked.closed, asked.at
-    most = 8 * rows.size + 8
+    half = 4 * rows.size + 4
 
     def body(step: _Step) -> _Step:
         kept = rows_that_hold(names, step.loaded, step.rolling)
@@ -165,20 +166,22 @@ def active_set(
         wrong, contradicts, does, decided = signs(rows, closed, kept, at, (factor, solution, bent), asked.taken)
         jams = ~differs(solution.result, RESULTS.no_solution_found) & ~contradicts
         wrong = xp.where(jams & ~(step.loaded & ~step.parted), -1.0, wrong)
-        # The worst first; then the first, which cannot go round in circles.
-        place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
+        # The worst first; then the first, which cannot go round in circles without friction; from none the last.
+        first, last = xp.argmax(wrong > 0), rows.size - 1 - xp.argmax(wrong[::-1] > 0)
+        place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.where(step.changes < half, first, last))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
-        loaded = step.loaded ^ flip
+        again = (step.changes < half) & xp.where(xp.any(flip), step.changes == half - 1, jams)  # from none
+        loaded = (step.loaded ^ flip) & ~again
         # What is tied goes with its row as that changes, and, where none does, stays with contacts that touch.
         touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
         touching = touching & (~asked.lets_go | step.loaded | decided)
-        rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied)
+        rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied) & ~again
         failed = (~found | differs(solution.result, RESULTS.successful)) & ~contradicts & ~jams
-        settled = ~xp.any(flip | (rolling ^ step.rolling)) | failed
-        changes = step.changes + xp.where(settled, 0, 1)
+        settled = (~xp.any(flip | (rolling ^ step.rolling)) & ~again) | failed
+        changes = xp.where(again & ~settled, half, step.changes + xp.where(settled, 0, 1))
         loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
-        parted = step.parted | (flip & jams)
-        return _Step(loaded, rolling, parted, changes, ~settled & (changes < most), settled, does, decided)
+        parted = (step.parted | (flip & jams)) & ~again
+        return _Step(loaded, rolling, parted, changes, ~settled & (changes < 2 * half), settled, does, decided)
 
     start = asked.loaded, xp.where(asked.lets_go, asked.loaded, closed) & xp.asarray(has_tied)
     none, yes = xp.zeros((), int), xp.ones((), bool)

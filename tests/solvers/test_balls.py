@@ -43,7 +43,7 @@ def test_sweeps_find_the_least(seed):
         jnp.array(matrix),
         jnp.array(np.diag(matrix)),
         jnp.array(1 / ARMS),
-        1e-13,
+        (0.0, 1e-13),
         directions=Directions(jnp.array(ARMS), JOINTS),
     )
     assert swept.settled

@@ -90,7 +90,7 @@ def slipping_friction(
             return _limits(solutions, base + unit @ tau)
 
         weight = jnp.sqrt(jnp.diagonal(matrix))
-        return gauss_seidel(limits, free, matrix, own, weight, _SETTLED, directions=directions).tau
+        return gauss_seidel(limits, free, matrix, own, weight, (0.0, _SETTLED), directions=directions).tau
 
     return jax.vmap(one)(base, unit)
 
