@@ -299,11 +299,7 @@ def bands_of(
         if sense is None and is_still(system, state, factor):
             at, report = analyzed(whole, state, None, None, lifting=True)
             return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
-        but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
-        raise RedundaxError(
-            "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
-            f"friction that move, but is {but}. Or give the contacts that carry as joints."
-        )
+        _refuse_moving(bounds)
     if (report.at_rest or report.contacts) and not moves:
         return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
     if moves or rubbing or (system.friction and play is not None):
@@ -346,6 +342,14 @@ def bands_of(
         sense=_sense(solutions),
     )
     return _of_outputs(system, bands, wanted.asked)
+
+
+def _refuse_moving(bounds: AbstractBounds) -> None:
+    but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
+    raise RedundaxError(
+        "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
+        f"friction that move, but is {but}. Or give the contacts that carry as joints."
+    )
 
 
 def _of_joints(

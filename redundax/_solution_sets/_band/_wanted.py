@@ -32,6 +32,7 @@ class Wanted(NamedTuple):
 
 
 def wanted_outputs(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> Wanted:
+    """Those of these names, all accelerations of coordinates where there are none."""
     known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
     names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
     if not names:
