@@ -22,7 +22,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, positive
+from .._tools._module import as_float, finite, positive
 from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
@@ -115,7 +115,8 @@ class LeastPeak(AbstractModule):
     ):
         self.limits = _sizes("limits", limits)
         self.preload = {name: as_float(force) for name, force in (preload or {}).items()}
-        for name in self.preload:
+        for name, force in self.preload.items():
+            finite("preload", force)
             index_of("preload", name, list(self.limits), " of drives with limits")
         self.closure = closure
 
@@ -209,6 +210,7 @@ def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:
     sizes = {name: as_float(size) for name, size in given.items()}
     for size in sizes.values():
         positive(argument, size)
+        finite(argument, size)
     return sizes
 
 

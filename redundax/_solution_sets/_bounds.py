@@ -30,6 +30,7 @@ from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
+_NARROWEST = 1e-3  # width of bounds over the widest, below which it tells no more which rows are chosen
 _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
 
 
@@ -211,6 +212,14 @@ class PreloadNorm(AbstractBounds):
     """
 
     sizes: Mapping[str, float] = eqx.field(static=True, converter=_numbers())
+
+    def __check_init__(self) -> None:
+        for name, size in self.sizes.items():
+            if not 0 < size < np.inf:
+                raise RedundaxError(
+                    f"Argument `sizes` must hold finite sizes above 0, but that of {name} is {size}. Give a size, or "
+                    "bound a load that is known by a `PreloadBox`."
+                )
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         box = {name: (-size, size) for name, size in self.sizes.items()}
@@ -448,7 +457,8 @@ def _by_pivots(
     """
     _check_given(report, rows, solutions)
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
-    width = np.where(upper > lower, upper - lower, 1.0)
+    width = upper - lower
+    width = np.maximum(width, _NARROWEST * width.max(initial=0.0) or 1.0)
     chosen = _independent(stress[rows] / width[:, None])
     if len(chosen) < stress.shape[1]:
         each = stress / np.linalg.norm(stress, axis=0)

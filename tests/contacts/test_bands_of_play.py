@@ -143,6 +143,43 @@ def test_a_hole_that_is_off_to_any_side_bounds_loads_by_a_disc():
         rx.MisfitBox(joints, {}, radial={"A": -1e-6})
 
 
+def test_discs_beside_a_contact_reach_what_holes_at_their_edges_give():
+    """A plate of two pins and a foot, all soft, of all places of both holes: ends are at their edges."""
+    w, sizes = np.array([1.093, 1.093, 48.41, 48.41, 62.2]) * 1e-8, (12.71e-6, 13.22e-6)
+    weight, normal = np.array([0.0, -4.354 * 9.81, 0.0]), np.array([0.8293, 0.5587])
+    at = np.array([[-0.8646, 0.3455], [-0.0549, 0.3549], [-0.9207, -0.8976]])
+    pins = [rx.Revolute(name, "plate", "ground", tuple(p), tuple(p)) for name, p in zip("AB", at[:2], strict=True)]
+    foot = rx.PinInSlot("F", "plate", "ground", tuple(at[2]), tuple(at[2]), tuple(normal), one_sided=True)
+    plate = rx.Mechanism([rx.Body("plate", 4.354, 0.9)], [*pins, foot], gravity=(0.0, -9.81))
+    joints = rx.ElasticJoints(plate, dict(zip("ABF", w[[0, 2, 4]].tolist(), strict=True)))
+    names = ["A.x", "A.y", "B.x", "B.y", "F.perpendicular"]
+    found = rx.band(plate, REST, names, rx.MisfitBox(joints, {}, radial=dict(zip("AB", sizes, strict=True))))
+    # Multipliers of pins are minus the forces on the plate, that of a contact is the force along its normal.
+    ways = [*-np.concatenate([np.eye(2)] * 2), normal / np.linalg.norm(normal)]
+    rigid = np.array([[a, b, x * b - y * a] for (a, b), (x, y) in zip(ways, at[[0, 0, 1, 1, 2]], strict=True)])
+
+    def loads(misfits, rows):
+        inner = np.linalg.inv((rigid[rows].T / w[rows]) @ rigid[rows])
+        freely = misfits[..., rows] / w[rows]
+        return freely - (freely @ rigid[rows] + weight) @ inner @ (rigid[rows].T / w[rows])
+
+    angles = np.linspace(0.0, 2 * np.pi, 721)
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    misfits = np.zeros((721, 721, 5))
+    misfits[..., :2], misfits[..., 2:4] = sizes[0] * around[:, None], sizes[1] * around
+    held, off = loads(misfits, np.arange(5)), np.zeros((721, 721, 5))
+    off[..., :4] = loads(misfits, np.arange(4))
+    held = np.where(held[..., 4:] >= 0, held, off).reshape(-1, 5)
+    size = np.abs(held).max()
+    np.testing.assert_allclose(found.lower, held.min(axis=0), atol=1e-4 * size)
+    np.testing.assert_allclose(found.upper, held.max(axis=0), atol=1e-4 * size)
+    assert found.exact.all()
+    few = rx.band(plate, REST, names, rx.MisfitBox(joints, {}, radial=dict(zip("AB", sizes, strict=True))), nodes=2)
+    assert np.isfinite([few.lower, few.upper]).all()
+    assert np.all((few.outer_lower <= found.lower + 1e-6 * size) & (found.lower <= few.lower + 1e-6 * size))
+    assert np.all((few.outer_upper >= found.upper - 1e-6 * size) & (found.upper >= few.upper - 1e-6 * size))
+
+
 def test_what_loads_that_friction_holds_are_not_asked_of_discs():
     rubs = {"friction": rx.Coulomb(0.1), "pin_radius": 0.01}
     pins = [rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0), **rubs) for name, x in (("A", -0.5), ("B", 0.5))]

@@ -89,3 +89,26 @@ def test_feet_in_a_wedge_hold_each_other_where_friction_is_steep(mu):
     assert found.exact[0]
     most = 5.0 * G / 2 / (b - mu * a) if mu * a < b else np.inf
     np.testing.assert_allclose([found.lower[0], found.upper[0]], [5.0 * G / 2 / (b + mu * a), most], rtol=1e-7)
+
+
+@pytest.mark.parametrize("mu, stands", [(0.1, "no"), (0.25, "yes"), (0.5, "yes")])
+def test_feet_that_a_motion_lifts_stand_where_friction_can_hold_them(mu, stands):
+    """Two feet on sides that overhang by 0.2: they lift as it falls, or hold each other from mu = 0.2 on.
+
+    With forces p along both normals (1, -0.2) / w and mu p up along the sides, 2 p (mu - 0.2) / w = m g at least.
+    """
+    feet = [
+        rx.PinInSlot(f"f{k}", "block", "ground", (x, 0.0), (x, 0.0), normal, friction=rx.Coulomb(mu), one_sided=True)
+        for k, (x, normal) in enumerate([(-0.3, (1.0, -0.2)), (0.3, (-1.0, -0.2))])
+    ]
+    block = rx.Mechanism([rx.Body("block", 5.0, 1.0)], feet, gravity=(0.0, -G))
+    state = rx.assemble(block, {})
+    assert set(rx.solve(block, state).contacts.values()) == {"lifts"}
+    for bounds, most in ((None, np.inf), (rx.PreloadBox({"f0.perpendicular": (0.0, 1000.0)}), 1000.0)):
+        found = rx.band(block, state, ["f0.perpendicular"], bounds)
+        assert found.stands == stands
+        assert found.empty == (stands == "no") == ("CANNOT STAND (proved)" in str(found))
+        if stands == "yes":
+            least = 5.0 * G * np.hypot(1.0, 0.2) / (2 * (mu - 0.2))
+            np.testing.assert_allclose([found.lower[0], found.upper[0]], [least, most], rtol=1e-6)
+            assert found.exact[0]

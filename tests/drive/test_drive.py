@@ -219,6 +219,15 @@ def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
         rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm({"left.travel": 200.0}, rails))
 
 
+@pytest.mark.parametrize("size", [np.inf, np.nan])
+def test_ratings_limits_and_preloads_of_drives_are_finite(size):
+    for share in (rx.LeastNorm, rx.LeastPeak):
+        with pytest.raises(rx.RedundaxError, match=r"`(ratings|limits)` must be finite"):
+            share({"left.travel": size})
+    with pytest.raises(rx.RedundaxError, match="`preload` must be finite"):
+        rx.LeastPeak({"left.travel": 1.0}, preload={"left.travel": size})
+
+
 # What is refused, and where a motion ends -----------------------------------------------------------------
 
 

@@ -405,6 +405,25 @@ def test_preload_that_leaves_self_stress_open_names_rows_that_close_it():
     np.testing.assert_allclose([found.lower[0], found.upper[0]], [0.0, 1.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("width", [0.0, 1e-12, 1e-6])
+def test_a_load_that_is_almost_known_stands_beside_wide_bounds(width):
+    """A plate on three pins without load: A.x + B.x + C.x = 0."""
+    places = {"A": (-0.5, 0.0), "B": (0.5, 0.0), "C": (0.1, 0.4)}
+    pins = [rx.Revolute(name, "plate", "ground", at, at) for name, at in places.items()]
+    plate = rx.Mechanism([rx.Body("plate", 1.0, 0.1)], pins)
+    box = rx.PreloadBox({"A.x": (5.0, 5.0 + width), "A.y": (-1e3, 1e3), "B.x": (-1e3, 1e3)})
+    found = rx.band(plate, rx.State(jnp.zeros(3), jnp.zeros(3)), ["A.x", "B.x", "C.x"], box)
+    np.testing.assert_allclose(found.lower, [5.0, -1000.0, -1005.0 - width], rtol=1e-12)
+    np.testing.assert_allclose(found.upper, [5.0 + width, 1000.0, 995.0], rtol=1e-12)
+    assert found.exact.all()
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, np.inf, np.nan])
+def test_sizes_of_a_norm_are_above_zero(size):
+    with pytest.raises(rx.RedundaxError, match=f"`sizes` must hold finite sizes above 0, but that of A.x is {size}"):
+        rx.PreloadNorm({"B.x": 1.0, "A.x": size})
+
+
 def test_a_closure_that_does_not_determine_the_loads_is_refused():
     with pytest.raises(rx.NoSolutionError, match="does not determine"):
         rx.band(*paper(), None, rx.MisfitBox(rx.Compliance(np.eye(12)[8]), {"A.x": (0.0, 1.0)}))

@@ -8,7 +8,6 @@ their friction is any within its limits, and `_loads_at_rest` finds inner and ou
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -16,9 +15,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report
-from ..._analysis._outputs import evaluated, joint_accelerations, plain
-from ..._analysis._outputs import outputs as named_outputs
-from ..._analysis._verdict import Verdict
+from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure, constant, elasticity
 from ..._closures._play import without_play
 from ..._equations._culprits import culprits
@@ -26,7 +23,7 @@ from ..._equations._factorisation import Factorisation
 from ..._solve._all_solutions import start_factors
 from ..._solve._solve import solve
 from ..._system._export import bands_dataset
-from ..._system._names import ByName, index_of, senses, unit_of
+from ..._system._names import ByName, senses, unit_of
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
@@ -58,6 +55,7 @@ from .._pushing import Held, analyzed
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
 from ._one_by_one import one_by_one, searched, with_contacts
+from ._wanted import Wanted, check_values, wanted_outputs
 from ._with_play import SidesOfJoints, joints_of
 
 if TYPE_CHECKING:
@@ -233,7 +231,7 @@ def band(
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`; or a closure, for the
       loads that it picks. Joints of either that have play have any from none to as much, where none with friction rest.
       With one-sided contacts it may be left out: they push, which bounds much by itself. With these nothing with
-      friction may move.
+      friction may move; at rest it is asked of those too that a motion would lift.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices; an eighth of them where
       each is solved by itself, as joints with friction have play, or it is known within limits: a second or two.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
@@ -298,19 +296,21 @@ def bands_of(
     whole, (system, factor, _) = system, at
     moves = report.contacts and system.friction and not report.at_rest and not report.problem
     if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
-        but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
-        raise RedundaxError(
-            "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
-            f"friction that move, but is {but}. Or give the contacts that carry as joints."
-        )
+        if sense is None and is_still(system, state, factor):
+            at, report = analyzed(whole, state, None, None, lifting=True)
+            return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+        _refuse_moving(bounds)
     if (report.at_rest or report.contacts) and not moves:
         return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
     if moves or rubbing or (system.friction and play is not None):
         return _by_solving(whole, (at, report), state, outputs, cast(Any, bounds), sense, effort)
     samples, starts, seed, _ = effort
-    solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
+    solutions, wanted = (
+        solutions_of(system, state, factor, report, sense),
+        wanted_outputs(system, state, outputs, report),
+    )
     matrix, unique = wanted.matrix, wanted.unique
-    _check_values(wanted.names, matrix, solutions)
+    check_values(wanted.names, matrix, solutions)
     if not report.pivots and report.undetermined:
         raise RedundaxError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
@@ -344,6 +344,14 @@ def bands_of(
     return _of_outputs(system, bands, wanted.asked)
 
 
+def _refuse_moving(bounds: AbstractBounds) -> None:
+    but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
+    raise RedundaxError(
+        "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
+        f"friction that move, but is {but}. Or give the contacts that carry as joints."
+    )
+
+
 def _of_joints(
     whole: AbstractSystem,
     asked: tuple[Held, Report],
@@ -359,7 +367,7 @@ def _of_joints(
     solutions = solution_set(system, state, factor, report.self_stress, None)
     if solutions.undetermined is not None:
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
-    wanted = _wanted(system, state, outputs, report)
+    wanted = wanted_outputs(system, state, outputs, report)
     closure = cast(AbstractClosure, parts_of(bounds)[0])
     elastic = elasticity(closure, system, state, play=True)
     finite("misfit", elastic.misfit, "the closure")
@@ -419,8 +427,11 @@ def _by_solving(
 ) -> Bands:
     """The bands of joints that move with friction, have play, or friction within limits, or stand beside contacts."""
     (system, factor, _), report = asked
-    solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
-    _check_values(wanted.names, wanted.matrix, solutions)
+    solutions, wanted = (
+        solutions_of(system, state, factor, report, sense),
+        wanted_outputs(system, state, outputs, report),
+    )
+    check_values(wanted.names, wanted.matrix, solutions)
     closure, rubbing = cast(tuple[AbstractClosure, Box], parts_of(bounds))
     elastic = elasticity(closure, system, state, play=True)
     misfits = misfits_of(bounds, report.rows, elastic.misfit)
@@ -481,7 +492,7 @@ def _at_rest(
         raise NoSolutionError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
     if solutions.undetermined is not None:
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
-    wanted = _wanted(system, state, outputs, report)
+    wanted = wanted_outputs(system, state, outputs, report)
     within = bounds.of_misfits if isinstance(bounds, MisfitBox) else bounds
     cases = cases_of(within, system, state, report, solutions)
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
@@ -530,7 +541,7 @@ def _sense(solutions: SolutionSet) -> np.ndarray:
 
 def _described(
     system: AbstractSystem,
-    wanted: "_Wanted",
+    wanted: Wanted,
     bounds: AbstractBounds | AbstractClosure,
     cases: AbstractCases | Parameters,
 ) -> dict[str, Any]:
@@ -544,57 +555,3 @@ def _described(
         "box": cases.box,
         "title": title_of(bounds, cases),
     }
-
-
-class _Wanted(NamedTuple):
-    """Names and kinds of outputs y = matrix [qdd; lam; tau] + offset, and which are proved unique.
-
-    The first `asked` were asked for; rows of teeth follow.
-    """
-
-    names: tuple[str, ...]
-    kinds: tuple[str, ...]
-    matrix: np.ndarray
-    offset: np.ndarray
-    unique: np.ndarray
-    asked: int
-
-
-def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> _Wanted:
-    known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
-    names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
-    if not names:
-        raise RedundaxError(
-            "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."
-        )
-    asked = len(names)
-    if not report.undetermined:
-        names = [*names, *(system.rows.labels[row] for row in system.names.pushing)]
-    kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
-    moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
-    labels = [*(name for group, _ in known.values() for name in group), *moving]
-    kinds |= moving | dict(zip(system.names.reactions.labels, system.names.reactions.kinds, strict=True))
-    places = [index_of("outputs", name, labels, " of outputs") for name in names]
-    judged = [
-        one.with_friction in (Verdict.UNIQUE, Verdict.ZERO) for group in report.verdicts.values() for one in group
-    ]
-    matrix, offset = np.concatenate([matrix for _, matrix in known.values()]), np.zeros(len(labels))
-    if any(name in moving for name in names):
-        slopes, bends = joint_accelerations(system, state)
-        offset[len(matrix) :] = bends
-        matrix = np.concatenate([matrix, slopes])
-        n = len(system.coordinates)
-        judged += [all(itertools.compress(judged[:n], slope[:n])) for slope in slopes]
-    chosen = matrix[places], offset[places], np.array(judged)[places]
-    return _Wanted(tuple(names), tuple(kinds[name] for name in names), *chosen, asked)
-
-
-def _check_values(names: tuple[str, ...], matrix: np.ndarray, solutions: SolutionSet) -> None:
-    """Refuse outputs that have no value at a singular position."""
-    lost = np.isnan(evaluated(matrix, solutions.shown(np.zeros(matrix.shape[1]))))
-    if lost.any():
-        none = ", ".join(name for name, gone in zip(names, lost, strict=True) if gone)
-        raise RedundaxError(
-            f"Argument `outputs` must have values at this state, but it is at a singular position where {none} have "
-            "none: they are unbounded beside it, or their limit is not known. Leave them out, or move the state."
-        )

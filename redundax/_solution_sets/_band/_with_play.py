@@ -30,7 +30,7 @@ _CLOSED, _OPEN = "closed", "open"
 _QUARTERS = [(k * np.pi / 2, (k + 1) * np.pi / 2) for k in range(4)]
 _EDGE = 0.1  # share of a sector that a split leaves at least
 _CUTS = 8  # planes in a row at a node: where the loads do not tell a place in the disc they would go all around it
-_TRIED = 8  # nodes from which loads are looked for by a solve, and of later ones each sixteenth
+_TRIED = 8  # nodes from which loads are looked for by a solve, and of later ones each sixteenth; as many of planes
 
 
 Attained = Callable[[np.ndarray, np.ndarray], np.ndarray]  # loads at misfits and plays, NaN where they have none
@@ -204,6 +204,10 @@ class SidesOfJoints:
             if np.all(np.isfinite(loads)) and cost @ loads > best.value:
                 best = End(float(cost @ loads), np.inf, loads, case)
 
+        def look(number: int, case: np.ndarray) -> None:
+            if number < _TRIED or number % (2 * _TRIED) == 0:
+                better(self.attained(*np.split(case, [len(self.joints.boxed)])), case)
+
         put((None,) * len(self.joints.groups), 0)
         while queue and nodes < self.most:
             value, number, cuts, sides, x = queue[0]
@@ -211,17 +215,17 @@ class SidesOfJoints:
                 break
             heapq.heappop(queue)
             off = [self._off(group, x) for group in self.joints.groups]
-            if self._cut_misfits(x):
-                put(sides, number, cuts)
+            possible = max(off, default=0.0) <= _APART
+            if (possible or cuts < _CUTS) and self._cut_misfits(x):
+                look(nodes, self._case(x))
+                put(sides, number, cuts + 1)
                 nodes += 1
-            elif max(off, default=0.0) <= _APART:
+            elif possible:
                 better(self._multipliers(x), self._case(x))
             elif cuts < _CUTS and self._cut(x):
                 put(sides, number, cuts + 1)
             else:
-                if number < _TRIED or number % (2 * _TRIED) == 0:
-                    case = self._case(x)
-                    better(self.attained(*np.split(case, [len(self.joints.boxed)])), case)
+                look(number, self._case(x))
                 k = int(np.argmax(off))
                 for side in self._ways(self.joints.groups[k], sides[k], x):
                     put((*sides[:k], side, *sides[k + 1 :]), nodes)
@@ -276,9 +280,13 @@ class SidesOfJoints:
         return self.joints.start + self.joints.stress @ (self.per_z * x[: self.parts[0]])
 
     def _case(self, x: np.ndarray) -> np.ndarray:
-        """Misfits and plays, in their units."""
+        """Misfits and plays, in their units; misfits beyond a disc at its edge."""
+        misfits = self.gap * x[self.parts[0] : self.parts[1]]
+        for places, centre, radius in self.joints.misfits.discs:
+            off = misfits[places] - centre
+            misfits[places] = centre + off * min(1.0, radius / (float(np.linalg.norm(off)) or 1.0))
         gaps = [(self.gap * float(np.linalg.norm(self._of(group, x)[1])), group.play) for group in self.joints.played]
-        return np.r_[self.gap * x[self.parts[0] : self.parts[1]], [min(each) for each in gaps]]
+        return np.r_[misfits, [min(each) for each in gaps]]
 
     def _off(self, group: Group, x: np.ndarray) -> float:
         """By how much it is beyond what is possible, relative."""
