@@ -30,12 +30,12 @@ from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, like, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._controller import Controller, told_apart
 from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
-from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
+from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
 from ._project import project
 from ._radau_solver import Radau
 from ._slip import no_plan

@@ -5,6 +5,7 @@ the next phase begins with the step to there. The number of phases is bounded, s
 in reverse mode; those that no sample of a batch needs are passed over.
 """
 
+from functools import partial
 from typing import NamedTuple, cast
 
 import diffrax
@@ -18,7 +19,7 @@ from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
-from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
+from .._tools._numbers import are_known, are_numbers, as_program, chosen_of, cond, like, stop_gradient, take, xp
 from ._controller import Controller
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
@@ -195,7 +196,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         held=carried.held,
         since=carried.since,
         plan=plan,
-        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), path, now.path),
+        path=jax.tree.map(partial(chosen_of, here), path, now.path),
         senses=jnp.where(here[:, None], senses, now.senses),
         rests=jnp.where(here, rests, now.rests),
         going=carried.mode.decided & ((plan.time < jnp.inf) | short | carried.cut | lands) & (t < controller.end),
@@ -375,7 +376,7 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
         contacts=contacts,
         y=onward.y,
         mode=done.mode._replace(sense=onward.sense),
-        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), onward.path, done.path),
+        path=jax.tree.map(partial(chosen_of, here), onward.path, done.path),
         senses=jnp.where(here[:, None], done.mode.sense, done.senses),
         rests=done.rests & ~here,
         steps=done.steps + (onward.t > done.t),
@@ -398,11 +399,6 @@ def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
     onward, rates = equations.with_sense(sense), stop_gradient((linear.rate, solved.slip))
     return Release(onward, done.t, done.y, context, done.released, touches, *rates)
-
-
-def like(mask: Array, x: Array) -> Array:
-    """A mask of times, shaped as an array that has them in front."""
-    return mask.reshape(mask.shape + (1,) * (x.ndim - 1))
 
 
 def _join(one: Diagnostics, two: Diagnostics) -> Diagnostics:

@@ -34,7 +34,7 @@ from numpy.polynomial import legendre
 from .._system._directions import Directions
 from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import stop_gradient
+from .._tools._numbers import chosen_of, stop_gradient
 from ._linear import Linear, least_friction
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
@@ -159,9 +159,7 @@ def _followed(
     then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
     then, there = jax.tree.map(lambda x: without_derivative(jnp.any(release.joints) & wanted & ~goes, x), (then, there))
     here = goes & (ts > t) & (ts <= then)
-    path = jax.tree.map(
-        lambda new, old: jnp.where(here.reshape(-1, *[1] * (old.ndim - 1)), new[:-1], old), states, path
-    )
+    path = jax.tree.map(lambda new, old: chosen_of(here, new[:-1], old), states, path)
     course = stop_gradient(course)
     sense = jnp.where(goes, _directions(release, course), equations.sense)
     onward = release._replace(

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._tools._checkpointed_loop import checkpointed_loop
+from .._tools._numbers import chosen_of
 
 # Roundings by which a step that ends before the end is taken to it.
 _NEAR = 100
@@ -137,5 +138,5 @@ def _all_passed(
     """The same without a loop, which has no derivative in reverse: of all times at once."""
     here = keep & (jnp.arange(ts.size) >= now.passed) & (ts <= now.following)
     y = jax.vmap(steps.evaluate)(jnp.where(here, ts, now.t))
-    path = jax.tree.map(lambda a, b: jnp.where(here.reshape(-1, *[1] * (a.ndim - 1)), b.astype(a.dtype), a), path, y)
+    path = jax.tree.map(lambda a, b: chosen_of(here, b.astype(a.dtype), a), path, y)
     return path, now.passed + jnp.sum(here)

@@ -195,9 +195,14 @@ def while_loop(going: Callable[[T], Numeric], body: Callable[[T], T], start: T) 
     return start
 
 
+def like(flag: Numeric, x: Numeric) -> Numeric:
+    """A flag for each sample of a batch, or of one, shaped as an array with axes behind."""
+    return xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(x) - np.ndim(flag)))
+
+
 def chosen_of(flag: Numeric, yes: Numeric, no: Numeric) -> Numeric:
-    """`where` of a flag for each sample of a batch, or of one, and arrays with axes behind."""
-    return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
+    """`where` of such a flag."""
+    return xp.where(like(flag, yes), yes, no)
 
 
 def or_one(size: Numeric) -> Numeric:
