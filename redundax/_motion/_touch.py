@@ -14,7 +14,7 @@ ends there, by the dense output.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +27,7 @@ from .._tools._numbers import as_program, or_one, xp
 from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
 from ._project import CLOSED
+from ._scalars import Scalar
 
 # Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
 # what is left of a step is below the accuracy of its dense output.
@@ -76,7 +77,7 @@ class Hit(NamedTuple):
     which: Bool[Array, " c"]
 
 
-def no_hit(touch: Touch, like: Array) -> Hit:
+def no_hit(touch: Touch, like: Scalar) -> Hit:
     """No event ahead."""
     return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
 
@@ -155,7 +156,7 @@ def first_hit(
 
     first = jnp.argmax(jnp.any(beyond_of(seen), axis=1))
 
-    def halve(now: tuple[Any, ...]) -> tuple[Any, ...]:
+    def halve(now: tuple[Array, ...]) -> tuple[Array, ...]:
         low, high, which, held, count = now
         middle = (low + high) / 2
         there = at((middle, jnp.zeros((), bool)))
