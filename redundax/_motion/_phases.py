@@ -19,6 +19,7 @@ from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
+from .._tools._no_answer import without_second_derivatives
 from .._tools._numbers import are_known, are_numbers, as_program, chosen_of, cond, like, stop_gradient, take, xp
 from ._controller import Controller
 from ._held_rank import AnyHeld, Held, held_by
@@ -291,6 +292,7 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     there = equations.with_touch(touch).with_sense(stop_gradient(done.mode.sense))
     context = Context(done.held, done.mode.tau, done.mode.resting)
     t, y = cond(starts, lambda: (done.t, done.y), lambda: arrived(there, done.t, done.y, context, which))
+    t, y = without_second_derivatives(jnp.asarray(lands) & ~starts, (t, y))
     loaded = take(touch.kept, np.array(there.system.names.one_sided))
     closed, near = loaded | touch.rests | which, tolerance_of(TOGETHER, done.t)
     before = Before(closed, loaded ^ which, loaded & which, near)
@@ -368,6 +370,7 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
     release = _release(done, equations, jnp.asarray(touches))
     end = options.controller.before_jump(options.controller.end, done.t)
     onward = set_out(release, end, options.ts, options.tolerance)
+    onward = without_second_derivatives(jnp.any(done.released), onward)
     here, contacts = (options.ts > done.t) & (options.ts <= onward.t), done.contacts
     if contacts is not None:
         contacts = contacts._replace(path=_noted(here, contacts))

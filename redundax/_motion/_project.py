@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from .._equations._kinematics import constraint_motion
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import or_zeros
 from ._held_rank import AnyHeld, factorize_held
 from ._moving import Moving
 
@@ -59,19 +60,14 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     of, off = eqx.filter_jvp(
         lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot)
     )
-    d_dot = -factor.nearest(factor.completed(system.velocity_rows, _given(off, of)))
+    d_dot = -factor.nearest(factor.completed(system.velocity_rows, or_zeros(off, of)))
     both, (own, off) = eqx.filter_jvp(
         lambda system, q, d, qd, t: (qd, constraint_motion(system, State(system.retract(q, d), qd, t))[1]),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )
-    own, off = (_given(tangent, of) for tangent, of in zip((own, off), both, strict=True))
+    own, off = or_zeros((own, off), both)
     return (d, qd), (d_dot, own - factor.nearest(off))
-
-
-def _given(tangent: Array | None, of: Array) -> Array:
-    """A tangent, or zeros where nothing that moves is in it."""
-    return jnp.zeros_like(of) if tangent is None else tangent
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

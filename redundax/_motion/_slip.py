@@ -28,7 +28,8 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._directions import Directions
 from .._system._state import State
-from .._tools._module import batch_any
+from .._tools._module import batch_any, or_zeros
+from .._tools._no_answer import without_derivative
 from .._tools._numbers import xp
 from ._linear import AnyLinear, least_friction
 from ._moving import NONE, Context, Equations, Moving, Solved, rechart, tolerance_of
@@ -446,26 +447,52 @@ def landed(
 
 @landed.def_jvp
 def _landed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Moving], tuple[Array, Moving]]:
-    """dt = -dh / h', as h stays 0 at the event; slip rates that are halted stay so."""
     equations, t, y, context, trial, _, end = primals
-    shape = jax.tree.map(jnp.zeros_like, (end.shift, y))
-    given = jax.tree.map(lambda x, dot: x if dot is None else dot, shape[1], tangents[2], is_leaf=lambda x: x is None)
-
+    none, given = jnp.zeros_like(end.shift), or_zeros(tangents[2], y)
     if context.along is not None:
         context = context._replace(along=end.along)
+    at, at_dot = (equations, t, y, context), (*tangents[:2], given, tangents[3])
+    changes = _changes if end.halt is None else _first_changes
+    moved = jax.lax.cond(batch_any(end.lands), lambda: changes(end, trial, at, at_dot), lambda: (none, given))
+    if end.halt is not None:
+        moved = jax.tree.map(lambda x: without_derivative(end.lands, x), moved)
+    return landed(*primals), moved
 
-    def told(equations: Equations, t: Array, y: Moving) -> tuple[Array, Array]:
-        _, slip, rate = equations.with_sense(trial).instant(t, y, context)
-        return slip, rate
 
-    def moved() -> tuple[Array, Moving]:
-        (slip, _), (slip_dot, rate_dot) = eqx.filter_jvp(told, (equations, t, y), tangents[:3])
-        h_dot = end.weights @ jnp.where(end.free, slip_dot, rate_dot)
-        shift = jnp.where(end.lands, -h_dot / end.slope, 0.0)
-        y_dot = jax.tree.map(lambda dot, change: dot + shift * change, given, end.change)
-        if end.halt is not None:
-            halted = jnp.where(end.lands, end.halt @ (rate_dot + shift * slip), 0.0)
-            y_dot = y_dot._replace(qd=y_dot.qd - halted)
-        return shift, y_dot
+def _told(equations: Equations, t: Array, y: Moving, context: Context) -> tuple[Moving, Array, Array]:
+    return equations.instant(t, y, context)
 
-    return landed(*primals), jax.lax.cond(batch_any(end.lands), moved, lambda: (shape[0], given))
+
+def _first_changes(end: Landing, trial: Array, at: tuple, at_dot: tuple) -> tuple[Array, Moving]:
+    """Changes of the time of an event and of the state there, dt = -dh / h' as h stays 0; slip rates that are halted
+    stay so. Given the equations, time, state and context where the step ends, and their changes."""
+    (_, slip, _), (_, slip_dot, rate_dot) = eqx.filter_jvp(_told, (at[0].with_sense(trial), *at[1:]), at_dot)
+    shift = jnp.where(end.lands, -(end.weights @ jnp.where(end.free, slip_dot, rate_dot)) / end.slope, 0.0)
+    y_dot = jax.tree.map(lambda dot, change: dot + shift * change, at_dot[2], end.change)
+    if end.halt is not None:
+        y_dot = y_dot._replace(qd=y_dot.qd - jnp.where(end.lands, end.halt @ (rate_dot + shift * slip), 0.0))
+    return shift, y_dot
+
+
+_changes = eqx.filter_custom_jvp(_first_changes)
+
+
+@_changes.def_jvp
+def _changes_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Moving], tuple[Array, Moving]]:
+    """Second derivatives: the event moves, with h' and y', and the changes of the state grow until then."""
+    end, trial = primals[:2]
+
+    def exact(at: tuple, at_dot: tuple) -> tuple[Array, Moving]:
+        equations, t, y, context = at
+        shift, there = landed(equations, t, y, context, trial, jnp.zeros_like(trial), end)
+        grow, beyond = or_zeros(eqx.filter_jvp(_told, at, at_dot)[1][0], y), equations.with_sense(trial)
+        given = jax.tree.map(lambda dot, grow: dot + shift * grow, at_dot[2], grow)
+        then, moved = (beyond, t + shift, there, context), (*at_dot[:2], given, at_dot[3])
+        (change, *_), (_, slip_dot, rate_dot) = eqx.filter_jvp(_told, then, moved)
+        flow = jnp.ones_like(t), change
+        _, (_, *rise) = jax.jvp(lambda t, y: _told(beyond, t, y, context), (t + shift, there), flow)
+        h_dot, slope = (end.weights @ jnp.where(end.free, *each) for each in ((slip_dot, rate_dot), rise))
+        later = jnp.where(end.lands, -h_dot / jnp.where(end.lands, slope, 1.0), 0.0)
+        return later, jax.tree.map(lambda dot, change: dot + later * change, given, change)
+
+    return _changes(*primals), eqx.filter_jvp(exact, primals[2:], tangents[2:])[1]

@@ -330,6 +330,11 @@ def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array
     return size, functools.reduce(operator.add, [v[k] / divisor * tangents[0][k] for k in range(v.shape[0])])
 
 
+def or_zeros(tangents: T, like: T) -> T:
+    """Tangents, zeros where nothing that moves is in what they are of."""
+    return jax.tree.map(lambda x, dot: jnp.zeros_like(x) if dot is None else dot, like, tangents)
+
+
 def batch_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
     """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
     return flag if are_numbers(flag) else _batch_any(flag)

@@ -44,6 +44,23 @@ def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Arr
     return without_derivative(*primals), nan_derivative_where(primals[0], tangents[1])
 
 
+def without_second_derivatives(lost: Bool[Array, "..."], tree: T) -> T:
+    """The same, with second derivatives NaN where `lost` says that those computed are none."""
+    if are_numbers(lost, tree):
+        return tree
+    return jax.tree.map(lambda x: _first_alone(lost, x) if eqx.is_inexact_array(x) else x, tree)
+
+
+@jax.custom_jvp
+def _first_alone(lost: Bool[Array, "..."], x: Array) -> Array:
+    return x
+
+
+@_first_alone.defjvp
+def _first_alone_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    return _first_alone(*primals), without_derivative(primals[0], tangents[1])
+
+
 def nan_derivative_where(lost: Bool[Array, "..."], tangent: Array) -> Array:
     """A tangent, NaN where it is lost; transposed, a cotangent of 0 stays 0 there and any other becomes NaN."""
     return jax.lax.custom_linear_solve(
