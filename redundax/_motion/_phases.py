@@ -221,10 +221,10 @@ def _stretches(equations: Equations, max_phases: int, *, touches: bool) -> int:
 
 
 def _adjoint(options: Options, equations: Equations) -> diffrax.AbstractAdjoint:
-    """How derivatives of steps are taken.
+    """How derivatives of steps are taken that `walk` leaves, as of large mechanisms and without projection.
 
     Where going forth and back are computed apart, what is computed again differs by rounding, and so do the lengths of
-    steps, by as much as errors do that are rounding: derivatives were off by up to 2e-4. So all steps are kept there of
+    steps, by as much as errors do that are rounding: derivatives were off by up to 2e-3. So all steps are kept there of
     motions of one phase; of others back alone computes a phase again, and then from its steps.
     """
     own, one = options.adjoint, not equations.has_sense and equations.touch is None
