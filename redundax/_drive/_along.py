@@ -151,7 +151,7 @@ def along(
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
     scale, _ = stop_gradient(scaled(still, stop_gradient(start)))
     track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
-    return Path(driven, scale, times, chosen_of(track.reached, track.q, jnp.nan))
+    return Path(driven, scale, times, chosen_of(track.reached, track.q, jnp.full_like(track.q, jnp.nan)))
 
 
 def started(system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, throw: bool | None) -> State:

@@ -16,7 +16,7 @@ import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import are_numbers, stop_gradient
+from .._tools._numbers import are_numbers, chosen_of, stop_gradient
 from ._moving import Moving
 from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, no_plan
@@ -142,7 +142,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
         if control.plan is not None or self.jumps is not None:
             _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
-            control = control._replace(inner=jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner))
+            control = control._replace(inner=chosen_of(lands, fresh, inner))
         return keep, t, self.before_jump(following, t), lands, control, result
 
     def _up_to_event(self, t0: Scalar, t1: Scalar, verdict: Verdict, so_far: Judged) -> Judged:

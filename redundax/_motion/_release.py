@@ -156,10 +156,10 @@ def _followed(
     states = _along(release, course, jnp.append(ts, then))
     there = rechart(equations.system, jax.tree.map(lambda x: x[-1], states))[0]
     there = project(equations.system, then, there, release.context.held)
-    then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
+    then, there = chosen_of(goes, (then, there), (t, y))
     then, there = jax.tree.map(lambda x: without_derivative(jnp.any(release.joints) & wanted & ~goes, x), (then, there))
     here = goes & (ts > t) & (ts <= then)
-    path = jax.tree.map(lambda new, old: chosen_of(here, new[:-1], old), states, path)
+    path = chosen_of(here, jax.tree.map(lambda x: x[:-1], states), path)
     course = stop_gradient(course)
     sense = jnp.where(goes, _directions(release, course), equations.sense)
     onward = release._replace(
@@ -271,7 +271,7 @@ def _longest(release: Release, guess: _Guess, wanted: Array, tolerance: Array) -
         return ~(course.error <= 1) & (count < _SPANS)
 
     found, _ = jax.lax.while_loop(goes_on, attempt, (none._replace(span=guess.span), jnp.zeros((), int)))
-    return jax.tree.map(lambda a, b: jnp.where(wanted & (found.error <= 1), a, b), found, none)
+    return chosen_of(wanted & (found.error <= 1), found, none)
 
 
 def _over(release: Release, begin: _Course, tolerance: Array) -> _Course:

@@ -11,7 +11,8 @@ when they go on, the first ends at the event, beyond which senses are others.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from functools import partial
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -24,7 +25,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from .._equations._kinematics import velocity
 from .._system._state import State
 from .._tools._module import replace_fields
-from .._tools._numbers import stop_gradient, xp
+from .._tools._numbers import chosen_of, stop_gradient, xp
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
@@ -34,8 +35,6 @@ from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
 from ._stick import Mode
 from ._stiffness import Watched, stiff_steps
 from ._touch import first_hit
-
-T = TypeVar("T")
 
 # Largest change of friction in a step, relative to its size, where it may have several solutions.
 _JUMP = 0.1
@@ -183,7 +182,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if projects:
             y = project(system, t1, y, context.held)
         if equations.has_sense:
-            y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
+            y = chosen_of(context.rests, y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun_at, begun, t, before, path = stop_gradient((equations, y, y0, t0, t1, now, dense))
         event, well = None, True
@@ -221,8 +220,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if equations.directions is not None:
             steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
             cut_at, _ = rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))
-            y = jax.tree.map(lambda a, b: jnp.where(cut, a, b), cut_at, y)
-            end, at = (jax.tree.map(lambda a, b: jnp.where(cut, a, b), *two) for two in ((plan.time, t1), (plan, at)))
+            y = chosen_of(cut, cut_at, y)
+            end, at = chosen_of(cut, (plan.time, plan), (t1, at))
             step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
             again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
             ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
@@ -307,10 +306,9 @@ def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyT
         mode = mode._replace(tau=solved.tau)
     if along is not None and isinstance(found, Seen):
         along = equations.turned(found.rate, along, jnp.zeros((), bool))
-    largest = jnp.maximum(now.largest, sight.pivot)
-    held = replace_fields(now.held, **sight.held.rank)
+    held, pivot = replace_fields(now.held, **sight.held.rank), sight.pivot
     parts = {"inner": inner, "mode": mode, "held": held, "along": along, "watch": watch}
-    return sight, now._replace(**parts, pivot=sight.pivot, largest=largest), jump
+    return sight, now._replace(**parts, pivot=pivot, largest=jnp.maximum(now.largest, pivot)), jump
 
 
 def _landed(
@@ -325,10 +323,8 @@ def _landed(
     end, onward = landing(fixed, step, plan, found, change, stop_gradient(last))
     shift, y = landed(equations, t, y, context, step.trial, found.rate, end)
 
-    def new(a: T, b: T) -> T:
-        return jax.tree.map(lambda a, b: jnp.where(step.lands, a, b), a, b)
-
-    mode = new(onward, jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.mode, after.mode))
+    new = partial(chosen_of, step.lands)
+    mode = new(onward, chosen_of(context.rests, now.mode, after.mode))
     released = step.lands & plan.free
     released = released & (False if equations.directions is None else equations.directions.directed)
     y = y._replace(qd=jnp.where(mode.resting, 0.0, y.qd))
@@ -338,7 +334,7 @@ def _landed(
         along=None if after.along is None else new(onward.sense, after.along),
         plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
         released=released,
-        watch=jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.watch, after.watch),
+        watch=chosen_of(context.rests, now.watch, after.watch),
     )
     ends = ~mode.decided if equations.directions is None else step.lands
     lands, rests, ends = (flag.astype(t.dtype) for flag in (step.lands, mode.resting, ends))

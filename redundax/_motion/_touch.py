@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import along_motion
 from .._solve._contacts import OUTSIDE
-from .._tools._numbers import as_program, or_one, xp
+from .._tools._numbers import as_program, chosen_of, or_one, xp
 from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
 from ._project import CLOSED
@@ -141,7 +141,7 @@ def first_hit(
     def at(look: tuple[Array, Array]) -> Margins:
         t, ends = look
         y = rechart(equations.system, between(t))[0]
-        return margins(equations, t, jax.tree.map(lambda a, b: jnp.where(ends, a, b), last, y), context, ~ends)
+        return margins(equations, t, chosen_of(ends, last, y), context, ~ends)
 
     parts = jnp.arange(1, _LOOKS + 1, dtype=width.dtype) / _LOOKS
     seen = jax.lax.map(at, (start + width * parts, parts == 1))
