@@ -25,7 +25,7 @@ from .._system._state import State, states_of
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._json import JSON
-from .._tools._numbers import computed
+from .._tools._questions import question
 from .._tools._table import text_of
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
@@ -159,7 +159,7 @@ class MotionReport:
         return lines
 
 
-@computed
+@question
 def analyze_along(
     system: AbstractSystem,
     states: State,

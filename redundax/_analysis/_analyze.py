@@ -34,7 +34,8 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import computed, on_numbers, xp
+from .._tools._numbers import on_numbers, xp
+from .._tools._questions import question
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import local_self_stress, unique_only_here
@@ -47,7 +48,7 @@ _MINIMUM_NORM = MinimumNorm()
 
 
 @partial(on_numbers, jit=False)
-@computed
+@question
 def analyze(
     system: AbstractSystem,
     state: State,

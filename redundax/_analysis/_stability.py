@@ -38,7 +38,8 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._json import JSON
-from .._tools._numbers import computed, xp
+from .._tools._numbers import xp
+from .._tools._questions import question
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
 _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenvalue does not reach
@@ -100,7 +101,7 @@ class Stability:
         return f"{self.verdict.value}{growth}{left_out}"
 
 
-@computed
+@question
 def stability(
     system: AbstractSystem,
     state: State,

@@ -18,14 +18,15 @@ from jaxtyping import Array, Float, Int
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
 from .._tools._module import replace_fields
-from .._tools._numbers import entries_set, known, of_model, xp
+from .._tools._numbers import entries_set, known, of_model, tolerance_of, xp
 from ._frame import AbstractFrame, AbstractPose
 from ._joints import AbstractJoint
 from ._stack import Stack
 
 # Share of a coefficient's terms that is more than rounding and than how far a joint is from being closed: of a force
-# along an axis that it is square to, and of the arm of one that passes through the joint's point.
-_READ = 1e-9
+# along an axis that it is square to, and of the arm of one that passes through the joint's point; at least so many
+# roundings.
+_READ = 1e-9, 1e2
 
 
 class JointCoordinates(AbstractJointCoordinates):
@@ -117,4 +118,4 @@ def _of_one(
     reach = jnp.linalg.norm(by_row[len(frame.linear) :], axis=0) + jnp.linalg.norm(arm) * whole
     limit = jnp.concatenate([jnp.broadcast_to(whole, force.shape), jnp.broadcast_to(reach, moment.shape)])
     both = jnp.concatenate([force, moment])
-    return both, jnp.abs(both) > _READ * limit
+    return both, jnp.abs(both) > tolerance_of(_READ, both) * limit

@@ -90,6 +90,11 @@ def check(
         raise RedundaxError(
             f"Argument `axes` must be one of {', '.join(AXES)}, but is {axes!r}. Name one, or leave it out."
         )
+    if isinstance(log, Series) and (drives is not None or axes not in (None, "global")):
+        raise RedundaxError(
+            "Arguments `axes` and `drives` must be left out where `log` is the stored run of a model, which tells its "
+            "motion and has global components. Write `rx.check(mechanism, model.series)`."
+        )
     if not 0 < rtol < 1:
         raise RedundaxError(f"Argument `rtol` must be between 0 and 1, but is {rtol!r}. Give 1e-3, say.")
     whole = mechanism.whole

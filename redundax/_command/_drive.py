@@ -50,7 +50,12 @@ def drive_file(arguments: argparse.Namespace) -> int:
     """Print what the drives of a model must give, and write it as a table and a picture; 1 without a solution."""
     system, state = _opened(arguments.system, arguments.closures, arguments.keyframe)
     here = _positions(system, state)
-    laws = dict(_law(text, system, here) for text in arguments.law)
+    given = [_law(text, system, here) for text in arguments.law]
+    laws = dict(given)
+    if len(laws) < len(given):
+        names = [name for name, _ in given]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise FileError(f"Argument `--law` gives '{twice}' two laws. Leave one of them.")
     hold = [_coordinate(name, system) for name in arguments.hold]
     end = arguments.time or max(map(_duration, laws.values()), default=0.0)
     if not end > 0:
@@ -134,7 +139,7 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
 def _duration(law: Law) -> float:
     if isinstance(law, AbstractMove):
         return float(law.begin + law.duration)
-    return float(1 / law.frequency) if isinstance(law, Harmonic) else 0.0
+    return float(1 / law.frequency) if isinstance(law, Harmonic) and law.frequency else 0.0
 
 
 def _write(run: Run, file: pathlib.Path) -> None:

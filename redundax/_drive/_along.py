@@ -32,6 +32,7 @@ from .._tools._numbers import (
     computing,
     on_numbers,
     stop_gradient,
+    tolerance_of,
     xp,
 )
 from ._follow import begun, follow, follow_known
@@ -44,7 +45,7 @@ Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 # Times that a program takes at once, so that other numbers of them compile nothing; more where a call's own cost tells.
 _TOGETHER, _MANY, _MOST = 64, 512, 4096
 _NEAR = 2**17  # numbers in matrices of all of these that a core keeps near: twice as many take three times as long
-_FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
+_FREE = 1e-9, 1e3  # singular value, relative to the largest, at least so many roundings, where nothing is held
 _NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
 _DIP, _ROUNDS, _SINGULAR = 0.3, 4, 1e-5  # of the usual value: worth a look; 64 finer times each; and singular
 _NAMED = 8  # free coordinates, at most
@@ -245,6 +246,11 @@ def laws_and_held(system: AbstractSystem, laws: Laws, hold: Sequence[str], start
         return laws
     labels = coordinates_of(system).labels
     places = [index_of("hold", name, labels, " of coordinates") for name in hold]
+    if both := [name for name in hold if name in laws]:
+        raise RedundaxError(
+            f"Argument `hold` must name coordinates that have no law, but {', '.join(both)} has one in `laws`. Leave "
+            "it out of one of them."
+        )
     values = values_of(system, start)
     return dict(laws) | {name: values[place] for name, place in zip(hold, places, strict=True)}
 
@@ -259,7 +265,7 @@ def _left_free(matrix: np.ndarray) -> tuple[int, np.ndarray]:
     """How many directions are left free, the last of those that are given."""
     with computing():
         values, axes = np.linalg.svd(matrix)[1:]
-    return matrix.shape[1] - int(np.sum(values > _FREE * values[0])), axes
+    return matrix.shape[1] - int(np.sum(values > tolerance_of(_FREE, values) * values[0])), axes
 
 
 def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, start: State) -> None:

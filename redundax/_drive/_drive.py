@@ -32,7 +32,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, numpy_of, replace_fields
-from .._tools._numbers import Numeric, are_known, as_arrays, as_program
+from .._tools._numbers import Numeric, are_known, as_arrays, as_program, tolerance_of
 from ._along import Laws, Path, along, decide, in_batches, laws_and_held, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
 from ._one_by_one import (
@@ -53,10 +53,13 @@ from ._senses import NOISE, Senses, senses_of, signs_of
 from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
-_SINGULAR = 1e-9  # a bound of the least singular value over the largest: too few digits are left for a batch
+# A bound of the least singular value over the largest, at least so many roundings: too few digits are left for a batch.
+_SINGULAR = 1e-9, 1e3
 _SOLVES = "`solve` does, state by state, with derivatives; or take differences of `drive`"  # with play
 _NAMED = 8  # frictions, at most
-_CONTRADICTS = 1e-7  # of the accelerations that redundant rows prescribe: what rounding of positions leaves of none
+# Of the accelerations that redundant rows prescribe, at least so many roundings: what those of positions leave of none.
+_CONTRADICTS = 1e-7, 1e4
+_STILL = 1e-9, 1e2  # of the largest speed, at least so many roundings: that of a machine at rest
 
 
 def drive(
@@ -199,7 +202,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
     own = replace_fields(own, system=path.system, stays=stays)
     sizes = [np.abs(x / np.asarray(path.scale.coordinates)) for x in (at.acceleration, run.acceleration)]
     apart = np.abs(at.acceleration - run.acceleration) / np.asarray(path.scale.coordinates)
-    together = apart.max(axis=1) <= _CONTRADICTS * np.nanmax(sizes, initial=0.0)
+    together = apart.max(axis=1) <= tolerance_of(_CONTRADICTS, apart) * np.nanmax(sizes, initial=0.0)
     good = together & _is_good(at._replace(contradiction=np.zeros_like(at.weakest)), found, solver)
     own = asked_again(path, touch.names, closure, Batch(own, good, senses), None, False, touch.at)
     return with_contacts(run, own, touch)
@@ -235,7 +238,7 @@ def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: Abst
 def _moves(rates: Float[Numeric, "times m"]) -> Bool[Numeric, " times"]:
     """When it moves: where nothing is driven but by rounding all of it rests."""
     sizes = abs(rates)
-    return ~(sizes <= NOISE * sizes.max(axis=0, initial=0.0)).all(axis=1)
+    return ~(sizes <= tolerance_of(NOISE, sizes) * sizes.max(axis=0, initial=0.0)).all(axis=1)
 
 
 @eqx.filter_jit  # one program of a derivative that is asked outside of programs
@@ -333,7 +336,11 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
 def _is_good(at: Moving, found: Loads, solver: AbstractSolver) -> Bool[Array, " times"]:
     """At which times the batch has answered."""
     xp = numpy_of(found)
-    good = found.decided & (at.weakest > _SINGULAR) & (at.contradiction < _CONTRADICTS)
+    good = (
+        found.decided
+        & (at.weakest > tolerance_of(_SINGULAR, at.qd))
+        & (at.contradiction < tolerance_of(_CONTRADICTS, at.qd))
+    )
     for x in (found.multipliers, found.friction, at.acceleration):
         good = good & xp.all(xp.isfinite(x.reshape(len(x), -1)), axis=1)
     if found.progress is not None:
@@ -347,7 +354,7 @@ def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndar
     nothing accelerates."""
     out = np.full((len(path.t), len(rows), 2), np.nan)
     speed = np.abs(at.qd).max(axis=1)
-    still = np.flatnonzero((speed <= 1e-9 * np.nanmax(speed, initial=0.0)) & np.isfinite(speed))  # rounding of none
+    still = np.flatnonzero((speed <= tolerance_of(_STILL, speed) * np.nanmax(speed, initial=0.0)) & np.isfinite(speed))
     if still.size:
         ways = np.concatenate([senses.after[still], -senses.after[still]])
         found = _asked(path, choices, np.tile(still, 2), 0.0, ways, np.ones(ways.shape, bool))[1]

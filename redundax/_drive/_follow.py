@@ -16,16 +16,18 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._scaling import Scaling
 from .._system._system import AbstractSystem
-from .._tools._numbers import as_program, chosen_of
+from .._tools._numbers import as_program, chosen_of, tolerance_of
 from ._roll import rolled
 
 _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
 _CLOSE, _CONTRACTS = 0.1, 0.3  # first correction within a step, and each later one by the one before
-_SETTLED = 1e-9  # a correction whose square, which Newton's method leaves, is rounding
+# A correction whose square, which Newton's method leaves, is rounding; at least so many roundings, which residuals of
+# rounding bring about where the least singular value is a hundredth.
+_SETTLED = 1e-9, 300
 _CORRECTIONS = 6  # from 0.1 on, by squares, and two more
-_SLIVER = (
-    1e-6  # of the step to try: rates at the ends of a shorter one differ by rounding, if two times are almost the same
-)
+# Of the step to try, at least so many roundings: rates at the ends of a shorter one differ by rounding, if two times
+# are almost the same.
+_SLIVER = 1e-6, 1e3
 _HALVED = 2.0**-14  # of the way to the next time
 _LOOKS = 4  # times within a step at which laws are asked how fast they are
 
@@ -101,28 +103,30 @@ def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Arra
     moved = jnp.maximum(jnp.max(jnp.abs(ahead)), h * jnp.max(prescribed)) / scale.size
     good = found.good & (moved <= _MOVED)
     good = good & jnp.all(jnp.isfinite(found.rate)) & (h * jnp.max(jnp.abs(found.rate)) <= 2 * _MOVED * scale.size)
-    bend = jnp.where(h > _SLIVER * track.step, (found.rate - track.rate) / h, track.bend)
+    bend = jnp.where(h > tolerance_of(_SLIVER, h) * track.step, (found.rate - track.rate) / h, track.bend)
     step = jnp.maximum(jnp.where(jnp.isinf(track.step), 0.0, track.step), 2 * h)
     further = _Track(found.q, found.rate, bend, t, step)
     return chosen_of(good, further, track._replace(step=h / 2))
 
 
 def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _Newton:
+    settled = tolerance_of(_SETTLED, q)
+
     def step(now: _Newton) -> _Newton:
         matrix, residual = _linearised(system, scale, now.q, t)
         u, rate = -_least_squares(matrix, jnp.stack([residual, _prescribed(system, scale, now.q, t)], axis=1)).T
         size = jnp.max(jnp.abs(u)) / scale.size
         begins = now.steps == 0
-        limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, _SETTLED))
+        limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, settled))
         q = system.retract(now.q, scale.coordinates * u)
         return _Newton(q, rate, size, now.steps + 1, size <= limit)  # NaN is not
 
     def going(now: _Newton) -> Array:
-        return now.good & (now.last > _SETTLED) & (now.steps < _CORRECTIONS)
+        return now.good & (now.last > settled) & (now.steps < _CORRECTIONS)
 
     far, none = jnp.full((), jnp.inf, q.dtype), jnp.zeros(len(system.coordinates), q.dtype)
     end = jax.lax.while_loop(going, step, _Newton(q, none, far, jnp.zeros((), int), jnp.ones((), bool)))
-    return end._replace(good=end.good & (end.last <= _SETTLED))
+    return end._replace(good=end.good & (end.last <= settled))
 
 
 def _linearised(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> tuple[Array, Array]:

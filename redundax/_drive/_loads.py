@@ -25,10 +25,11 @@ from .._solvers._solver import AbstractSolver, closed_root
 from .._system._friction import load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import custom_jvp
+from .._tools._numbers import custom_jvp, tolerance_of
 from ._linear import Held
 
-_NOTHING = 1e-9  # of an orthonormal self-stress, or relative to the largest coefficient: rounding
+# Of an orthonormal self-stress, or relative to the largest coefficient, at least so many roundings.
+_NOTHING = 1e-9, 1e3
 
 
 class Moving(NamedTuple):
@@ -128,7 +129,7 @@ def loads(
     given = held.carried(softness, misfit, need)[0] / scale.rows
     # Rows of contacts that are open are self-stress by themselves, and bear nothing.
     stress = held.stress if system.kept is None else held.stress * system.kept[:, None]
-    direct = jnp.linalg.norm(stress, axis=1) > _NOTHING
+    direct = jnp.linalg.norm(stress, axis=1) > tolerance_of(_NOTHING, stress)
     if not system.friction:
         both = (jnp.broadcast_to(given, (len(senses), given.size)), jnp.zeros((len(senses), 0), given.dtype))
         return Loads(*both, direct, direct, softness.decides, None)
@@ -161,15 +162,15 @@ def loads(
 def _through_friction(law: Law, stress: Array, scaled: Array, row_scale: Array, rows: Array) -> Bool[Array, " m"]:
     """Which loads friction moves that reads, or depends on friction that reads, a load within the self-stress; given
     that and the least loads by unit friction, both scaled."""
-    p = scaled.shape[1]
+    p, nothing = scaled.shape[1], tolerance_of(_NOTHING, stress)
     if not stress.shape[1] or not p or not rows.size:
         return jnp.zeros(stress.shape[0], bool)
     reads = law.largest_changes(jnp.eye(rows.size, dtype=stress.dtype)) > 0
-    free = jnp.linalg.norm(stress[rows], axis=1) > _NOTHING
+    free = jnp.linalg.norm(stress[rows], axis=1) > nothing
     touched = (reads & free).any(axis=1)
     change = law.largest_changes((scaled / row_scale[:, None])[rows])
-    moves = change > _NOTHING * jnp.max(change, initial=0.0)
+    moves = change > nothing * jnp.max(change, initial=0.0)
     for _ in range(p - 1):
         touched = touched | (moves & touched).any(axis=1)
-    moved = jnp.abs(scaled) > _NOTHING * jnp.linalg.norm(scaled, axis=0)
+    moved = jnp.abs(scaled) > nothing * jnp.linalg.norm(scaled, axis=0)
     return (moved & touched).any(axis=1)

@@ -32,13 +32,13 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
-from .._tools._numbers import as_arrays, as_program, computed
+from .._tools._numbers import as_arrays, as_program, computed, tolerance_of
 from .._tools._waiting import telling_of
 from ._along import Path, instant, scaled
 from ._run import Run
 from ._senses import Senses
 
-_RESTS = 1e-9  # of the largest acceleration: rounding of none
+_RESTS = 1e-9, 1e3  # of the largest acceleration, at least so many roundings: none
 
 
 def as_closed(system: AbstractSystem, names: Names) -> AbstractSystem:
@@ -282,5 +282,5 @@ def _in_words(lifting: tuple[str, ...], t: float) -> str:
 def _remedy(run: Run, k: int) -> str:
     """What keeps contacts closed: where all rests, no slower motion does."""
     sizes = np.abs(np.asarray(run.acceleration)).max(axis=1)
-    rests = not np.any(run.qd[k]) and not sizes[k] > _RESTS * np.nanmax(sizes, initial=0.0)
+    rests = not np.any(run.qd[k]) and not sizes[k] > tolerance_of(_RESTS, sizes) * np.nanmax(sizes, initial=0.0)
     return "Press them together" if rests else "Press them together, or move more slowly"

@@ -14,9 +14,11 @@ from jaxtyping import Array, Bool, Float
 from .._system._directions import directions_of
 from .._system._system import AbstractSystem
 from .._tools._module import numpy_of
+from .._tools._numbers import tolerance_of
 
-_RESTS = 1e-6  # slip rate beside those a hundredth of a step before and after: it turns round here
-NOISE = 1e-11  # the same beside the fastest of all slips at all times: rounding
+# Slip rate beside those a hundredth of a step before and after, where it turns round, and beside the fastest of all
+# slips at all times, where it is rounding; at least so many roundings.
+_RESTS, NOISE = (1e-6, 1e2), (1e-11, 1e2)
 
 
 class Senses(NamedTuple):
@@ -39,10 +41,10 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
     slips, same = xp.asarray(slips), _same(system)
     fastest = xp.abs(slips) * xp.where(xp.asarray(system.slips.angular), xp.asarray(length), 1.0)
     fastest = xp.where(xp.isfinite(fastest), fastest, 0.0)
-    noise = NOISE * xp.max(fastest, initial=0.0)
+    noise = tolerance_of(NOISE, fastest) * xp.max(fastest, initial=0.0)
     joint = _largest_of_joints(fastest, same)
     now, early, late = (joint[:, k] for k in range(3))
-    rests = (now <= noise) | (now <= _RESTS * xp.maximum(early, late))
+    rests = (now <= noise) | (now <= tolerance_of(_RESTS, fastest) * xp.maximum(early, late))
     signs = signs_of(system, slips)
     starts = xp.where(early > noise, signs[:, 1], xp.where(rests, 0.0, signs[:, 0]))
     ends = xp.where(late > noise, signs[:, 2], xp.where(rests, 0.0, signs[:, 0]))

@@ -138,6 +138,7 @@ class SpecBody(Protocol):
     mass: float
     inertia: np.ndarray
     fullinertia: np.ndarray
+    gravcomp: float
     explicitinertial: bool
     joints: Sequence[SpecJoint]
 

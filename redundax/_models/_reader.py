@@ -19,7 +19,7 @@ _NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))  # what weighs nothing
 
 class AbstractReader(abc.ABC):
     """A file that is being read: its parts, of which 0 is the ground, where they are, and the mass, centre and inertia
-    of each in its frame; and notes of what is left out."""
+    of each in its frame; those that gravity leaves alone; and notes of what is left out."""
 
     form = ""
 
@@ -28,6 +28,7 @@ class AbstractReader(abc.ABC):
         self._notes: list[str] = []
         self._parts: list[str] = []
         self._poses, self._weights = [NOWHERE], [_NOTHING]
+        self._carried: list[int] = []
         self._begin(path)
 
     @abc.abstractmethod
@@ -79,6 +80,7 @@ class AbstractReader(abc.ABC):
         rates = drive_rates(joints, [drive[1:] for drive in driven])
         self._notes += [f"contact of {shapes} shape{'s' * (shapes > 1)}"] if shapes else []
         x, y, z = map(float, gravity)
+        carried = [assembly.ends[part] for part in self._carried]
         return Description(
             self.form,
             bodies,
@@ -92,6 +94,7 @@ class AbstractReader(abc.ABC):
             {},
             tuple(self._notes),
             motors=motors,
+            lifts=tuple((k, bodies[k].centre, -bodies[k].mass * np.array([x, y, z])) for k in carried),
             series=series,
             origin=origin,
         )

@@ -201,6 +201,9 @@ class _Reader(AbstractReader):
         self._numbers_of[id(scope), name], whole = 0, f"{scope.prefix}{name}"
         if scope.is_static:
             return
+        if is_true(element.findtext("kinematic")):
+            self._notes.append(f"motion from outside of '{whole}': it rests where the file has it")
+            return
         inertial = element.find("inertial")
         mass, inside = self._number(inertial, "mass", 1.0), NOWHERE if inertial is None else self._frame(inertial)
         given = None if inertial is None else inertial.find("inertia")
@@ -213,6 +216,8 @@ class _Reader(AbstractReader):
         inertia = inside.axes @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ inside.axes.T
         weight = mass, inside.point, inertia if mass else np.zeros((3, 3))
         self._numbers_of[id(scope), name] = self._add(whole, self._pose_of(scope, name), weight)
+        if not is_true(element.findtext("gravity", "true")):
+            self._carried.append(self._numbers_of[id(scope), name])
 
     def _link_of(self, scope: _Scope, name: str, what: str, depth: int = 0) -> tuple[_Scope, str]:
         """The link that something named is on."""
@@ -265,8 +270,9 @@ class _Reader(AbstractReader):
         low, high = (-np.inf if low < -_ENDLESS else low), (np.inf if high > _ENDLESS else high)
         return (low, high) if np.isfinite(low) or np.isfinite(high) else None
 
-    def _spring(self, joint: Element) -> _Spring:
-        words, dynamics = ("spring_stiffness", "spring_reference", "damping", "friction"), joint.find("axis/dynamics")
+    def _spring(self, joint: Element, axis: str) -> _Spring:
+        words = "spring_stiffness", "spring_reference", "damping", "friction"
+        dynamics = joint.find(f"{axis}/dynamics")
         return _Spring(*(self._number(dynamics, word, 0.0) for word in words))
 
     def _held(self) -> Iterator[Held]:
@@ -291,8 +297,13 @@ class _Reader(AbstractReader):
                 if i[0] == j[0]:
                     self._leave_out(f"joint '{name}'", "both of its ends are on one body", constrains=False)
                 else:
-                    limits = self._limits(element) if kind in ("hinge", "slide") else None
-                    yield Held(name, kind, i, j, 0.0, limits, (self._spring(element), element))
+                    limits = self._limits(element)
+                    if limits is not None and kind not in ("hinge", "slide"):
+                        self._notes.append(f"limits of '{name}': they bear no load here")
+                        limits = None
+                    one, other = (self._spring(element, axis) for axis in ("axis", "axis2"))
+                    spring = other if kind == "universal joint" and not any(one) else one
+                    yield Held(name, kind, i, j, 0.0, limits, (spring, element))
             yield from self._constraints(scope)
 
     def _constraints(self, scope: _Scope) -> Iterator[Held]:
@@ -393,8 +404,10 @@ def _relative_to(element: Element) -> str:
 
 def _acted(joint: Joint, spring: _Spring | None, sign: int) -> Joint:
     """A joint with what acts in it; positions of a hinge or slide are those of the child as the parent sees it."""
-    if spring is None or joint.kind not in ("hinge", "slide"):
+    if spring is None or not any(spring):
         return joint
+    if joint.kind not in ("hinge", "slide"):
+        return dataclasses.replace(joint, untaken=("spring, damping and friction",))
     return dataclasses.replace(joint, **spring._asdict() | {"rest": np.array([sign * spring.rest])})
 
 

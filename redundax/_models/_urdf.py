@@ -20,6 +20,7 @@ from ._content import document, refusal
 from ._description import WITHOUT, Description
 from ._mjcf import by_mujoco
 from ._mujoco_types import MujocoSpec
+from ._sdf_include import is_true
 from ._urdf_loops import loops_of, second_parents
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -39,9 +40,16 @@ _JOINTS = re.compile(f"joint|hinge|pivot|screw|{_LOOPS.pattern}", re.IGNORECASE)
 
 def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
     """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
+    if path.suffix.lower() != ".urdf":
+        if given is None:
+            return None
+        raise RedundaxError(
+            f"Argument `closures` must be left out for '{path}': it gives loops to a URDF alone. Write loops in the "
+            "file itself."
+        )
     if given is not None:
         return pathlib.Path(given)
-    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
+    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")]
     return next((file for file in beside if file.is_file()), None)
 
 
@@ -66,6 +74,9 @@ def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
             for end, name in ((loop.first, one), (loop.second, two)):
                 body = spec.body(end.link) or spec.worldbody
                 body.add_site(name=name, pos=np.zeros(3) if end.point is None else end.point, quat=end.turn)
+        for name in _lifted(root):
+            if (body := spec.body(name)) is not None:
+                body.gravcomp = 1.0
         notes += unread(path, root, pairs, [loop.element for loop in own])
         return notes + (add_drives(spec, transmissions(path)) if not spec.actuators else [])
 
@@ -152,6 +163,9 @@ def unread(
             one, two = joint.get("type"), joints[other].get("type")
             if one != "fixed" and not {one, two} <= set(_SINGLE):
                 found.append(f"mimic of {name} by {other} is left out: it couples {one} and {two} joints{WITHOUT}")
+    sprung = [each.get("reference", "") for each in root.iterfind("gazebo") if each.find("springStiffness") is not None]
+    if sprung:
+        found.append(f"springs that Gazebo has in {_listed(sprung)}")
     empty = [name for name, joint in joints.items() if _is_empty(joint)]
     if empty:
         found.append(f"limits of {_listed(empty)}, which leave no travel: taken as none, not as a lock")
@@ -164,6 +178,13 @@ def unread(
 
 def _joints(root: Element) -> dict[str, Element]:
     return {each.get("name", ""): each for each in root.iterfind("joint")}
+
+
+def _lifted(root: Element) -> Iterator[str]:
+    """Links that Gazebo's gravity leaves alone, by their names."""
+    for each in root.iterfind("gazebo"):
+        if is_true(each.findtext("turnGravityOff")) or not is_true(each.findtext("gravity", "true")):
+            yield each.get("reference", "")
 
 
 def _is_empty(joint: Element) -> bool:

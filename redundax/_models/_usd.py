@@ -170,6 +170,8 @@ class _Reader(AbstractReader):
             return
         pose = self._frame(prim)
         self._part_of[prim.GetPath()] = self._add("", pose, self._weight(prim, pose))
+        if prim.GetAttribute("physxRigidBody:disableGravity").Get():
+            self._carried.append(self._part_of[prim.GetPath()])
 
     def _weight(self, body: UsdPrim, pose: Frame) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, and centre and inertia in the axes of a body; what it does not say itself is of its shapes."""

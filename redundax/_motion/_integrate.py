@@ -160,6 +160,10 @@ _forward, _reverse = (
 )
 
 
+# What JAX says where derivatives are asked for in the other mode.
+_OTHER_MODE = "custom_vjp", "Linearization failed", "Reverse-mode"
+
+
 def integrate(
     system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
@@ -169,7 +173,16 @@ def integrate(
         ways = _forward
     elif isinstance(course.adjoint, diffrax.RecursiveCheckpointAdjoint):
         ways = _reverse
-    return matrices_of(system).run(*ways)(system, state, factor, closure, course)
+    try:
+        return matrices_of(system).run(*ways)(system, state, factor, closure, course)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, RedundaxError) or not any(words in str(error) for words in _OTHER_MODE):
+            raise
+        raise RedundaxError(
+            f"Argument `adjoint` must fit how derivatives are taken, but is {type(course.adjoint).__name__}. Give "
+            "`diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`, and for second derivatives, by `jax.jacfwd` of "
+            "`jax.jacfwd`; leave it out for `jax.grad`. Reverse mode takes first derivatives alone."
+        ) from error
 
 
 def _with_contacts(

@@ -38,6 +38,7 @@ from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
 from .._tools._numbers import Numeric, are_numbers, as_numbers, stop_gradient, xp
+from .._tools._numbers import tolerance_of as tolerance_of
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
 from ._linear import AnyLinear, Asked, Linear
@@ -68,11 +69,6 @@ class Moving(NamedTuple):
 STILL = 1e-6, 1e3
 # Slips that count as none, relative to those of the mechanism, at least so many roundings.
 NONE = 1e-9, 10
-
-
-def tolerance_of(tolerance: tuple[float, float], like: Array) -> float:
-    """A tolerance, at least so many roundings."""
-    return max(tolerance[0], tolerance[1] * float(xp.finfo(like.dtype).eps))
 
 
 class Context(NamedTuple):

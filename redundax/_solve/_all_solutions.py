@@ -26,7 +26,8 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._module import floats, replace_fields
-from .._tools._numbers import Numeric, computed, or_one, xp
+from .._tools._numbers import Numeric, or_one, xp
+from .._tools._questions import question
 from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows
 from ._reduced import reduce
 from ._solution import Solution
@@ -37,7 +38,7 @@ _MOST_CLOSED = 8  # contacts, of which 256 sets are tried
 _MINIMUM_NORM = MinimumNorm()
 
 
-@computed
+@question
 def frictional_solutions(
     system: AbstractSystem,
     state: State,

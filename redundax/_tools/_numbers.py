@@ -75,6 +75,11 @@ def are_known(*trees: PyTree) -> bool:
     return not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(trees))
 
 
+def tolerance_of(tolerance: tuple[float, float], like: Numeric) -> float:
+    """A tolerance, at least so many roundings."""
+    return max(tolerance[0], tolerance[1] * float(jnp.finfo(like.dtype).eps))
+
+
 # What NumPy refuses and JAX answers ----------------------------------------------------------------------
 
 

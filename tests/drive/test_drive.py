@@ -238,6 +238,8 @@ def test_coordinates_left_free_are_named_and_can_be_held():
     with pytest.raises(rx.RedundaxError, match=r"1 is left at the first position: .*elbow.angle.*`hold`"):
         rx.drive(arm(), {"shoulder.angle": rx.Harmonic(0.2, 1.0)}, ts, start)
     run = rx.drive(arm(), {"shoulder.angle": rx.Harmonic(0.2, 1.0)}, ts, start, hold=["elbow.angle"])
+    with pytest.raises(rx.RedundaxError, match=r"`hold` must name coordinates that have no law, but shoulder\.angle"):
+        rx.drive(arm(), {"shoulder.angle": 0.2}, ts, start, hold=["shoulder.angle", "elbow.angle"])
     np.testing.assert_allclose(run["elbow.angle"], 0.0, atol=1e-13)
     assert [each.name for each in run.drives] == ["shoulder.angle", "elbow.angle"]
     # as one rod of 2 kg: I a + m g l cos

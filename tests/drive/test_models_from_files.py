@@ -58,6 +58,13 @@ def test_laws_that_cannot_be_read_are_told(capsys):
         ("crank=constant(0)", "There are A.angle, B.angle, C.angle"),
         ("crank=constant(0)", "Give the law to a joint, not to an actuator"),
         ("A=constant(0)", "no law has an end"),
+        ("A=harmonic(1, 0)", "no law has an end"),
     ):
         assert command.main(["drive", FOUR_BAR, "--law", law]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_two_laws_of_one_coordinate_are_refused(capsys):
+    laws = ["--law", "A=cycloidal(1, 2)", "--law", "A.angle=harmonic(1, 2)"]
+    assert command.main(["drive", FOUR_BAR, *laws]) == 2
+    assert "`--law` gives 'A.angle' two laws. Leave one" in capsys.readouterr().err

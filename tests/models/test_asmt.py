@@ -94,6 +94,14 @@ def test_a_stored_run_is_that_of_the_closed_form_and_so_are_the_loads_of_the_mec
         )
 
 
+@pytest.mark.parametrize("given", [{"drives": ["nothing.angle"]}, {"axes": "body"}])
+def test_a_stored_run_tells_its_motion_and_axes_itself(write, given):
+    model = rx.load_model(write(crank(np.linspace(0.0, 0.7, 8))))
+    assert rx.check(model.driven, model.series, axes="global").is_right
+    with pytest.raises(rx.RedundaxError, match="`axes` and `drives` must be left out where `log` is the stored run"):
+        rx.check(model.driven, model.series, **given)
+
+
 @pytest.mark.parametrize(
     ("last", "values", "redundant", "kind"),
     [

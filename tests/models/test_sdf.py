@@ -283,3 +283,53 @@ def test_a_screw_travels_by_its_lead_in_a_tree_and_in_a_loop(write, pitch, ends,
     fall = float(solution["a.travel''"])
     np.testing.assert_allclose(abs(fall), 2 * 9.8 / (2 + 0.02 / lead**2), rtol=1e-9)
     np.testing.assert_allclose(fall, lead * float(solution["a.angle''"]), rtol=1e-9)
+
+
+SLIDE = JOINT.format("lift", "prismatic", "world", "a", "<axis><xyz>0 0 1</xyz></axis>")
+
+
+def loaded(path):
+    found = rx.load_model(path)
+    return found, rx.solve(found.mechanism, found.state)
+
+
+def test_a_link_that_gravity_leaves_alone_is_carried_by_nothing_else(write):
+    """Of 2 kg without weight and 2 kg with it, fixed to each other, on a vertical slide: they fall by half of g."""
+    links = [LINK.format(name, "0 0 1 0 0 0", "") for name in "ab"]
+    links[0] = links[0].replace("<inertial>", "<gravity>false</gravity><inertial>", 1)
+    _, solution = loaded(write(model(*links, SLIDE, JOINT.format("weld", "fixed", "a", "b", ""))))
+    np.testing.assert_allclose(float(solution["lift.travel''"]), -9.8 / 2, rtol=1e-12)
+    np.testing.assert_allclose(float(solution["weld force z on b"]), 2 * 9.8 / 2, rtol=1e-12)
+
+
+def test_a_kinematic_link_holds_as_the_ground_does(write):
+    base = LINK.format("base", "0 0 0 0 0 0", "").replace("<inertial>", "<kinematic>1</kinematic><inertial>", 1)
+    slide = SLIDE.replace("world", "base")
+    found, solution = loaded(write(model(base, LINK.format("a", "0 0 1 0 0 0", ""), slide)))
+    assert [body.name for body in found.described.bodies] == ["ground", "a"]
+    assert "motion from outside of 'base': it rests where the file has it" in found.notes
+    np.testing.assert_allclose(float(solution["lift.travel''"]), -9.8, rtol=1e-12)
+
+
+@pytest.mark.parametrize("damped", [0, 1])
+def test_what_acts_in_a_cross_is_left_out_and_told(write, damped):
+    inside = ["", ""]
+    inside[damped] = "<dynamics><damping>3</damping></dynamics>"
+    cross = f"<axis><xyz>1 0 0</xyz>{inside[0]}</axis><axis2><xyz>0 1 0</xyz>{inside[1]}</axis2>"
+    text = model(LINK.format("a", "0 0 1 0 0 0", ""), JOINT.format("u", "universal", "world", "a", cross))
+    assert "spring, damping and friction of u" in loaded(write(text))[0].notes
+
+
+def test_limits_of_a_cross_are_told(write):
+    limit = "<limit><lower>-1</lower><upper>1</upper></limit>"
+    cross = f"<axis><xyz>1 0 0</xyz>{limit}</axis><axis2><xyz>0 1 0</xyz></axis2>"
+    text = model(LINK.format("a", "0 0 1 0 0 0", ""), JOINT.format("u", "universal", "world", "a", cross))
+    assert "limits of 'u': they bear no load here" in loaded(write(text))[0].notes
+
+
+def test_loops_beside_a_file_that_has_its_own_are_refused(write, capsys):
+    path = write(parallelogram())
+    with pytest.raises(rx.RedundaxError, match=r"`closures` must be left out.*loops in the file itself"):
+        rx.load_model(path, path.with_suffix(".yaml"))
+    assert command.main(["drive", str(path), "--law", "p=cycloidal(1, 2)", "--closures", "none.yaml"]) == 2
+    assert "`closures` must be left out" in capsys.readouterr().err

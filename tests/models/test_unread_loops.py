@@ -251,3 +251,16 @@ def test_limits_without_travel_are_told_to_be_no_lock(write):
     for limit, told in (('lower="0" upper="0"', True), ('lower="-1" upper="1"', False), ('effort="1"', False)):
         notes = taken(write(limited.format("", f"<limit {limit}/>")))[1]
         assert ("limits of q, which leave no travel: taken as none, not as a lock" in notes) == told
+
+
+@pytest.mark.parametrize("word", ["<turnGravityOff>true</turnGravityOff>", "<gravity>0</gravity>"])
+def test_a_link_that_gazebos_gravity_leaves_alone_does_not_fall(write, word):
+    """Of 1 kg each on a vertical slide, one without weight and fixed to the other: they fall by half of g."""
+    joints = [("lift", "prismatic", "frame", "arm"), ("weld", "fixed", "arm", "bar")]
+    text = '<link name="frame"/>' + "".join(LINK.format(name, "0 0 0") for name in ("arm", "bar"))
+    text += "".join(JOINT.format(*each, "0 0 0").replace("0 1 0", "0 0 1") for each in joints)
+    spring = '<gazebo reference="lift"><springStiffness>5</springStiffness></gazebo>'
+    model = rx.load_model(write(f'{text}<gazebo reference="bar">{word}</gazebo>{spring}'))
+    solution = rx.solve(model.mechanism, model.state)
+    np.testing.assert_allclose(float(solution["lift.travel''"]), -9.81 / 2, rtol=1e-12)
+    assert "springs that Gazebo has in lift" in model.notes

@@ -68,6 +68,16 @@ def test_units_of_the_stage_change_nothing(write, length, mass):
     np.testing.assert_allclose(described.bodies[2].centre, [0.1, 0, 0.2], atol=1e-12)
 
 
+def test_a_body_that_gravity_leaves_alone_has_no_weight(write):
+    """Of the same parallelogram without the weight of the bar, 2 kg on a circle of 0.2 m: g (2 2 0.1) / 0.24 m."""
+    rigid = 'def Xform "bar" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])\n{'
+    text = parallelogram()
+    assert rigid in text
+    model = rx.load_model(write(text.replace(rigid, f"{rigid}\nbool physxRigidBody:disableGravity = 1")))
+    solution = rx.solve(model.mechanism, model.state)
+    np.testing.assert_allclose(float(solution["p.angle''"]), 9.81 * (2 * 2 * 0.1) / (2 * 0.04 + 2 * 0.2**2), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("up", "way"), [("Y", (0, -9.81, 0)), ("Z", (0, 0, -9.81))])
 def test_gravity_is_down_where_a_scene_does_not_say(write, up, way):
     text = parallelogram(up=up).replace("vector3f physics:gravityDirection = (1, 0, 0)", "")

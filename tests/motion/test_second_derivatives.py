@@ -133,3 +133,15 @@ def test_a_ball_that_bounces_has_none_past_its_impact():
     second = hessian(height)(2.0)
     np.testing.assert_allclose(second[0], 0.0, atol=1e-8)
     assert jnp.isnan(second[1])
+
+
+@pytest.mark.parametrize("transformation", [jax.jacfwd, jax.hessian])
+def test_modes_that_do_not_fit_the_adjoint_are_refused_by_name(transformation):
+    def angle(rate):
+        pin = rx.Revolute("A", "rod", "ground", (0.0, 0.5), (0.0, 0.0))
+        pendulum = rx.Mechanism([rx.Body("rod", 1.0, 0.1)], [pin], gravity=(0.0, -GRAVITY))
+        start = rx.State(jnp.array([0.0, -0.5, 0.0]), jnp.stack([0.5 * rate, 0.0 * rate, rate]))
+        return rx.simulate(pendulum, start, 0.1, ts=[0.1])["rod.phi"][0]
+
+    with pytest.raises(rx.RedundaxError, match="Argument `adjoint` must fit"):
+        transformation(angle)(1.0)

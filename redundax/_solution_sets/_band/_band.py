@@ -35,7 +35,7 @@ from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
 from ..._tools._module import finite, replace_fields
-from ..._tools._numbers import computed
+from ..._tools._questions import question
 from ..._tools._table import figures, group, page, text_of
 from .._at_rest import is_still, sense_of_start
 from .._bounds import (
@@ -194,7 +194,7 @@ _STANDS = {
 _MEET = 1e-6  # distance of inner and outer bounds that is none, relative to the largest value
 
 
-@computed
+@question
 def band(
     system: AbstractSystem,
     state: State,

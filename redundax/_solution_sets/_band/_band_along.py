@@ -25,7 +25,8 @@ from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem, check_system
 from ..._system._units import with_unit
 from ..._tools._json import JSON
-from ..._tools._numbers import computed, xp
+from ..._tools._numbers import xp
+from ..._tools._questions import question
 from ..._tools._table import text_of, without_rounding
 from .._at_rest import free_slips, is_still
 from .._bounds import AbstractBounds, checked_bounds
@@ -259,7 +260,7 @@ def _times(t: np.ndarray) -> str:
     return shown if len(t) <= 6 else f"{shown} and {len(t) - 6} more"
 
 
-@computed
+@question
 def band_along(
     system: AbstractSystem,
     states: State | Sequence[State],

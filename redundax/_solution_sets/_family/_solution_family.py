@@ -33,6 +33,7 @@ from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
 from ..._tools._module import Numbers, as_float, replace_fields
 from ..._tools._numbers import computed
+from ..._tools._questions import question
 from ..._tools._table import text_of
 from .._bounds import check_definite
 from .._pushing import analyzed, pulling_rows
@@ -174,7 +175,7 @@ class SolutionFamily:
         return lines
 
 
-@computed
+@question
 def solution_family(
     system: AbstractSystem,
     state: State,

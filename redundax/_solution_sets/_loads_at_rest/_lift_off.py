@@ -28,7 +28,8 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
-from ..._tools._numbers import Numeric, as_numbers, computed, or_one, xp
+from ..._tools._numbers import Numeric, as_numbers, or_one, xp
+from ..._tools._questions import question
 from ..._tools._table import text_of
 from ._added_load import added_load
 
@@ -134,7 +135,7 @@ class _Set(NamedTuple):
         return _Solution(self.acceleration @ of, self.multipliers @ of, as_numbers(RESULTS.successful))
 
 
-@computed
+@question
 def lift_off(
     system: AbstractSystem, state: State, load: ByName | AbstractLoad, closure: AbstractClosure = _MINIMUM_NORM
 ) -> LiftOff:

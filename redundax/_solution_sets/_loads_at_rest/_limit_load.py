@@ -28,7 +28,8 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
 from ..._tools._module import replace_fields
-from ..._tools._numbers import Numeric, computed, xp
+from ..._tools._numbers import Numeric, xp
+from ..._tools._questions import question
 from ..._tools._table import text_of
 from ..._tools._waiting import telling_of
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
@@ -139,7 +140,7 @@ class LimitLoad:
         return text_of(lines)
 
 
-@computed
+@question
 def limit_load(
     system: AbstractSystem,
     state: State,

@@ -31,7 +31,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
-from ..._tools._numbers import computed
+from ..._tools._questions import question
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
@@ -47,7 +47,7 @@ from ._sticking_report import Sticking
 _MINIMUM_NORM = MinimumNorm()
 
 
-@computed
+@question
 def sticking(
     system: AbstractSystem,
     state: State,

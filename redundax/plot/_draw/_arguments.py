@@ -11,6 +11,7 @@ from ..._solve._solution import Solution
 from ..._system._contact import Contact
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
+from ..._tools._module import is_concrete
 from ._arrows import LOADS, SMOOTH, STRESSES, Arrows, joint_arrows
 from ._scene import Scene
 
@@ -77,6 +78,11 @@ def check_state(mechanism: Mechanism, state: State) -> None:
     if state.q.shape != (n,):
         raise RedundaxError(
             f"Argument `state` must have q of shape ({n},), but has {state.q.shape}. Give one state, of this mechanism."
+        )
+    if not is_concrete(state.q):
+        raise RedundaxError(
+            "Argument `state` must hold known numbers, but they are traced by `jit`, `vmap` or `grad`. Draw outside of "
+            "these."
         )
     if not np.all(np.isfinite(state.q)):
         raise RedundaxError(
