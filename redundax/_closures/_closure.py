@@ -118,7 +118,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
     if not play:
-        refuse_play(closure, system)
+        refuse_play(closure.clearances(system))
     whole, closure = are_known(closure, state, system), placed(closure, system)
     return matrices_of(system).run(_by_matrix, _by_joint)(closure, system.anonymous, state, whole=whole)
 

@@ -6,7 +6,7 @@ load: its loads cost c |lam| of energy. Pins, sleeves and balls have it in all d
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -16,7 +16,6 @@ from jaxtyping import Array, Float
 
 from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
-from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, finite, not_negative
@@ -117,9 +116,9 @@ def without_play(closure: T) -> T:
     return jax.tree.map(lambda x: None if isinstance(x, Play) else x, closure, is_leaf=lambda x: isinstance(x, Play))
 
 
-def refuse_play(closure: Any, system: AbstractSystem, call: str = "this call", instead: str = "`solve` does") -> None:
-    """Refuse a closure with play, for a call that would leave it out."""
-    if closure.clearances(system) is not None:
+def refuse_play(play: Play | None, call: str = "this call", instead: str = "`solve` does") -> None:
+    """Refuse the play of a closure, for a call that would leave it out."""
+    if play is not None:
         raise RedundaxError(
             f"Argument `closure` has play, which {call} does not take; {instead}. "
             "Give it without `play`, or with its bounds as misfits."

@@ -36,7 +36,7 @@ from ._audit_html import check_pictures, write_page
 from ._copy import check_copy
 from ._file import FileError, blaming, load, writing
 from ._output import show, tell
-from ._stops import Stops, stops_of, stops_page
+from ._stops import NoStops, Stops, stops_of, stops_page
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
@@ -97,7 +97,7 @@ class _Found(NamedTuple):
     about: About | None
     fix: Fix | None = None
     language: str = ""
-    stops: Stops | None = None
+    stops: Stops | NoStops | None = None
     lines: Mapping[tuple[str, ...], Sequence[str]] = MappingProxyType({})
 
 

@@ -1,6 +1,6 @@
 """What joint limits bear that a model stands at, as stops that only push: `redundax audit --stops`."""
 
-from typing import Required, TypedDict
+from typing import TypedDict, final
 
 from .._analysis._analyze import analyze
 from .._analysis._outputs import plain
@@ -24,17 +24,24 @@ class Stop(TypedDict):
     unique: bool
 
 
-class Stops(TypedDict, total=False):
-    """Redundancy and freedom with the stops that are closed, and what is wrong of them, where there are some; and each
-    by the joint's end."""
+@final
+class NoStops(TypedDict):
+    """Of a file that limits nothing."""
+
+    stops: dict[str, Stop]
+
+
+@final
+class Stops(TypedDict):
+    """Redundancy and freedom with the stops that are closed, and what is wrong of them; and each by the joint's end."""
 
     redundancy: int
     freedom: int
     problem: str
-    stops: Required[dict[str, Stop]]
+    stops: dict[str, Stop]
 
 
-def stops_of(model: Model, state: State) -> Stops:
+def stops_of(model: Model, state: State) -> Stops | NoStops:
     """As plain data."""
     mechanism = model.stopped
     names = mechanism.names
@@ -59,16 +66,16 @@ def stops_of(model: Model, state: State) -> Stops:
     }
 
 
-def stops_page(found: Stops) -> list[str]:
+def stops_page(found: Stops | NoStops) -> list[str]:
     """The same in lines."""
-    stops = found["stops"]
-    if not stops:
+    if "problem" not in found:
         return ["Stops: the file limits no hinge and no slide."]
-    if problem := found.get("problem"):
-        return [f"Stops: {problem}"]
+    if found["problem"]:
+        return [f"Stops: {found['problem']}"]
+    stops = found["stops"]
     by_word = {word: [name for name, stop in stops.items() if stop["does"] == word] for word in Contact}
     lines = wrapped(
-        f"With joint limits as stops, at rest and let go: {found.get('redundancy')} redundant, {found.get('freedom')} "
+        f"With joint limits as stops, at rest and let go: {found['redundancy']} redundant, {found['freedom']} "
         "free; "
         f"{len(by_word[Contact.open])} of {len(stops)} stops are open.",
         subsequent_indent="  ",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -22,12 +22,13 @@ from .._system._names import DRIVE, ByName, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, replace_fields
+from .._tools._module import Numbers, as_float, is_concrete, numpy_of, replace_fields
 from .._tools._numbers import (
     are_known,
     as_arrays,
     as_numbers,
     as_program,
+    chosen_of,
     computing,
     on_numbers,
     stop_gradient,
@@ -38,6 +39,7 @@ from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
 from ._roll import velocity_at
 
+T = TypeVar("T")
 Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 
 # Times that a program takes at once, so that other numbers of them compile nothing; more where a call's own cost tells.
@@ -110,7 +112,7 @@ def assemble_along(
     time at which a motion ends, at a singular position or out of reach.
     """
     path = along(system, laws, ts, q, hold, throw)
-    asked: Any = path.q, path.t, path.beside
+    asked = path.q, path.t, path.beside
     known = are_known(path)
     found = in_batches(path, _moving_batch, path.given, asked) if known else _moving_of(*path.given, *asked)
     return as_arrays(State(found.q, found.qd, path.t))
@@ -150,7 +152,7 @@ def along(
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
     scale, _ = stop_gradient(scaled(still, stop_gradient(start)))
     track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
-    return Path(driven, scale, times, jnp.where(_column(track.reached, track.q), track.q, jnp.nan))
+    return Path(driven, scale, times, chosen_of(track.reached, track.q, jnp.full_like(track.q, jnp.nan)))
 
 
 def started(system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, throw: bool | None) -> State:
@@ -230,9 +232,9 @@ def times_of(ts: Numbers) -> Array:
     return times
 
 
-def _beside(t: Any) -> Float[Array, "times 2"]:
+def _beside(t: Array) -> Float[Array, "times 2"]:
     """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
-    xp: Any = np if is_concrete(t) else jnp
+    xp = numpy_of(t)
     t = xp.asarray(t)
     way, none = _BESIDE * xp.diff(t), xp.zeros(1, t.dtype)
     return xp.stack([t - xp.concatenate([none, way]), t + xp.concatenate([way, none])], axis=1)
@@ -300,7 +302,7 @@ def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array
         full = np.pad(part, (0, size - part.size), mode="edge")
         out = follow_known(system, scale, track, jnp.asarray(full))
         ok = np.asarray(out.reached)[: part.size]
-        found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
+        found.append(chosen_of(ok, np.asarray(out.q)[: part.size], np.nan))
         reached.append(ok)
         track = out.end
         if not ok.all():
@@ -311,16 +313,12 @@ def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array
     return np.concatenate(found), np.concatenate(reached)
 
 
-def _column(flags: Any, like: Any) -> Any:
-    return flags.reshape(flags.shape + (1,) * (like.ndim - 1))
-
-
 def together(count: int) -> int:
     """How many of as many times a program takes at once."""
     return next((size for size in (_TOGETHER, _MANY) if count <= 4 * size), _MOST)
 
 
-def in_batches(path: Path, program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
+def in_batches(path: Path, program: Callable[..., T], fixed: tuple, arrays: tuple) -> T:
     """A batched program on known numbers of a path, some at a time, the last ones filled up."""
     near = 2 ** int(np.log2(max(_NEAR / len(path.system.rows) ** 2, 1)))
     count, parts, size = len(arrays[0]), [], min(together(len(path.t)), near)
@@ -336,7 +334,7 @@ def in_batches(path: Path, program: Callable[..., Any], fixed: tuple, arrays: tu
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
-def _moving_of(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
+def _moving_of(system: AbstractSystem, scale: Scaling, q: Array | np.ndarray, t: Array, beside: Array) -> Moving:
     return jax.vmap(lambda *at: moving(system, scale, *at)[0])(q, t, beside)
 
 

@@ -6,7 +6,7 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -31,7 +31,7 @@ from .._system._results import RESULTS, result_codes
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, replace_fields
+from .._tools._module import Numbers, numpy_of, replace_fields
 from .._tools._numbers import Numeric, are_known, as_arrays, as_program, tolerance_of
 from ._along import Laws, Path, along, decide, in_batches, laws_and_held, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
@@ -104,7 +104,7 @@ def drive(
     if not isinstance(closure, LeastPeak):
         check_closure(closure)
     elif closure.closure is not None:
-        refuse_play(closure.closure, system)
+        refuse_play(closure.closure.clearances(system))
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
@@ -156,7 +156,7 @@ def _refuse_inside(system: AbstractSystem, closure: AbstractClosure | LeastPeak)
         raise RedundaxError(
             "Argument `closure` must be another than `LeastPeak` inside of `jit`, `vmap` and `grad`: `LeastNorm`, say."
         )
-    refuse_play(closure, system, "`drive` inside of transformations", _SOLVES)
+    refuse_play(closure.clearances(system), "`drive` inside of transformations", _SOLVES)
 
 
 def _solved(
@@ -210,7 +210,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
 
 def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: AbstractSolver) -> Batch:
     """A run without what is known of its rests."""
-    xp: Any = np if are_known(at) else jnp
+    xp = numpy_of(at)
     drives, good = drives_of(path.system), _is_good(at, found, solver)
     reached = xp.isfinite(at.q.reshape(len(path.t), -1)).all(axis=1)[:, None]
     rows = np.array([each.row for each in drives], int)
@@ -269,7 +269,7 @@ def _batch(
 
 
 def _asked(
-    path: Path, choices: tuple, at: np.ndarray, going: float, sense: np.ndarray, rests: Any
+    path: Path, choices: tuple, at: np.ndarray, going: float, sense: np.ndarray, rests: Array | np.ndarray
 ) -> tuple[Moving, Loads]:
     """The batch at some of the times."""
     asked = (np.asarray(x)[at] for x in (path.q, path.t, path.beside))
@@ -335,7 +335,7 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
 
 def _is_good(at: Moving, found: Loads, solver: AbstractSolver) -> Bool[Array, " times"]:
     """At which times the batch has answered."""
-    xp = np if are_known(found) else jnp
+    xp = numpy_of(found)
     good = (
         found.decided
         & (at.weakest > tolerance_of(_SINGULAR, at.qd))
@@ -349,7 +349,7 @@ def _is_good(at: Moving, found: Loads, solver: AbstractSolver) -> Bool[Array, " 
     return good
 
 
-def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndarray) -> Any:
+def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndarray) -> np.ndarray:
     """Forces of the drives between which the machine stays, where all of it rests: friction the one way and the other,
     nothing accelerates."""
     out = np.full((len(path.t), len(rows), 2), np.nan)
@@ -363,7 +363,7 @@ def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndar
     return out
 
 
-def _masked(run: Run, good: Any) -> Run:
+def _masked(run: Run, good: Bool[Array, " times"]) -> Run:
     """Of traced numbers: NaN where there is no answer."""
     result = jax.vmap(lambda one: RESULTS.where(one, RESULTS.successful, RESULTS.not_finite))(good)
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._scaling import Scaling
 from .._system._system import AbstractSystem
-from .._tools._numbers import as_program, tolerance_of
+from .._tools._numbers import as_program, chosen_of, tolerance_of
 from ._roll import rolled
 
 _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
@@ -106,7 +106,7 @@ def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Arra
     bend = jnp.where(h > tolerance_of(_SLIVER, h) * track.step, (found.rate - track.rate) / h, track.bend)
     step = jnp.maximum(jnp.where(jnp.isinf(track.step), 0.0, track.step), 2 * h)
     further = _Track(found.q, found.rate, bend, t, step)
-    return jax.tree.map(lambda a, b: jnp.where(good, a, b), further, track._replace(step=h / 2))
+    return chosen_of(good, further, track._replace(step=h / 2))
 
 
 def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _Newton:

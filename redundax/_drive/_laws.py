@@ -9,6 +9,7 @@ Two boxes are the trapezoid of speed, whose acceleration jumps; three are limite
 law gives that after the jump.
 """
 
+import abc
 import itertools
 import math
 from collections.abc import Sequence
@@ -33,9 +34,9 @@ class AbstractMove(AbstractLaw):
     dwell: eqx.AbstractVar[Float[Array, ""] | None]
 
     @property
+    @abc.abstractmethod
     def boxes(self) -> tuple[Float[Array, ""], ...]:
         """Lengths whose sums are the times from the beginning at which a derivative of the way there jumps, s."""
-        raise NotImplementedError
 
     @property
     def move(self) -> Float[Array, ""]:
@@ -47,9 +48,9 @@ class AbstractMove(AbstractLaw):
         there = tuple(self.begin + sum(some) for some in _subsets(self.boxes))
         return there if self.dwell is None else (*there, *(t + self.move + self.dwell for t in there))
 
+    @abc.abstractmethod
     def share(self, t: Float[Array, ""]) -> Float[Array, ""]:
         """The share of the way that is done t after its beginning, within `move`."""
-        raise NotImplementedError
 
     @property
     def duration(self) -> Float[Array, ""]:

@@ -10,17 +10,18 @@ move. Contacts that are open are left out until one would be reached.
 import dataclasses
 import itertools
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure
 from .._equations._gaps import model_of_all, overlaps
 from .._equations._scaling import largest_violation
 from .._solve._contacts import CLEAR, contacts_at
+from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._system._contact import LEFT_OUT, UNKNOWN, Contact, code_of, rows_that_hold
 from .._system._driven import Driven
@@ -34,7 +35,7 @@ from .._tools._module import on_device, replace_fields
 from .._tools._numbers import as_arrays, as_program, computed, tolerance_of
 from .._tools._waiting import telling_of
 from ._along import Path, instant, scaled
-from ._run import Moment, Run
+from ._run import Run
 from ._senses import Senses
 
 _RESTS = 1e-9, 1e3  # of the largest acceleration, at least so many roundings: none
@@ -173,7 +174,7 @@ class Batch(NamedTuple):
     """What a batch answers: a run, at which of its times that is right, and the senses of slip."""
 
     run: Run
-    good: Any
+    good: Bool[Array, " times"]
     senses: Senses
 
 
@@ -191,13 +192,12 @@ def asked_again(
     - `ask`: gives the batch of a path; None where contacts may lift.
     - `times`: which of them are asked; others are not.
     """
-    run, good, _ = batch
-    system: Any = run.system
-    arrays = {name: np.array(getattr(run, name)) for name in ("multipliers", "friction", "acceleration")}
-    before: Any = Moment(*(np.array(x) for x in (run.before.multipliers, run.before.friction)))  # pyright: ignore
+    (run, good, _), system = batch, cast(AbstractSystem, batch.run.system)
+    before = {name: np.array(getattr(run.before, name)) for name in ("multipliers", "friction")}
+    arrays = {name: np.array(getattr(run, name)) for name in (*before, "acceleration")}
     if names.one_sided:
         system = _named(system, names)
-        for lam in (arrays["multipliers"], before.multipliers):
+        for lam in (arrays["multipliers"], before["multipliers"]):
             good = good & ~pulls_of(lam, names.one_sided, system.rows.angular).any(axis=-1)
     if closure.clearances(system) is not None:
         good, run = np.zeros_like(good), replace_fields(run, stays=np.full_like(run.stays, np.nan))
@@ -217,13 +217,14 @@ def asked_again(
                     f"{said} {_remedy(run, k)}. With `throw=False` the motion up to there is given, and NaN beyond."
                 )
             codes[k:], remarks = result_codes()["no_position"], (*remarks, said)
-            for array in (*arrays.values(), before.multipliers, before.friction):
+            for array in (*arrays.values(), *before.values()):
                 array[k:] = np.nan
             break
-        for side, into in enumerate((arrays, {name: getattr(before, name) for name in ("multipliers", "friction")})):
+        for side, into in enumerate((arrays, before)):
             for name, array in into.items():
                 array[k] = np.nan if found is None else np.asarray(getattr(found[side], name))
     result = jax.tree.map(lambda _: codes, RESULTS.successful)
+    before = replace_fields(run.before, **before)
     return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
 
 
@@ -239,8 +240,8 @@ def with_contacts(run: Run, own: Run, touch: Touching) -> Run:
     lam = np.abs(np.asarray(own.multipliers))
     pushes = ~(lam[:, list(touch.names.one_sided)] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
 
-    def chosen(at: np.ndarray, *names: str) -> dict[str, Any]:
-        def put(a: Any, b: Any) -> Any:
+    def chosen(at: np.ndarray, *names: str) -> dict[str, PyTree]:
+        def put(a: Array, b: Array) -> np.ndarray:
             return np.where(at.reshape(-1, *[1] * (np.ndim(a) - 1)), a, b)
 
         return {name: jax.tree.map(put, getattr(own, name), getattr(run, name)) for name in names}
@@ -250,7 +251,9 @@ def with_contacts(run: Run, own: Run, touch: Touching) -> Run:
     return replace_fields(run, **loads, **told)
 
 
-def _solutions(system: Any, batch: Batch, k: int, closure: AbstractClosure) -> tuple[int, Any]:
+def _solutions(
+    system: AbstractSystem, batch: Batch, k: int, closure: AbstractClosure
+) -> tuple[int, tuple[Solution, Solution] | None]:
     """How a time ends, and its solutions after and before."""
     run, senses = batch.run, batch.senses.both[k]
     if not np.all(np.isfinite(run.q[k])):
@@ -261,7 +264,7 @@ def _solutions(system: Any, batch: Batch, k: int, closure: AbstractClosure) -> t
     return max(int(jax.tree.leaves(one.result)[0]) for one in found), (found[0], found[-1])
 
 
-def _lifting(names: Names, found: Any) -> tuple[str, ...]:
+def _lifting(names: Names, found: tuple[Solution, Solution] | None) -> tuple[str, ...]:
     """Contacts that open and stay so in one of the solutions."""
     if found is None or not names.one_sided:
         return ()

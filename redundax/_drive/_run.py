@@ -1,6 +1,6 @@
 """What `drive` returns: how a machine moves along the laws of its drives, and what they must give."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -109,7 +109,7 @@ class Run(AbstractNamed):
     contact: Int[Array, "times c"] | None = None
 
     @property
-    def contacts(self) -> dict[str, Any]:
+    def contacts(self) -> dict[str, str | np.ndarray]:
         """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open", "" where there
         is no answer."""
         if self.contact is None or self.system is None:
@@ -254,7 +254,7 @@ class Run(AbstractNamed):
     def _of(self, multipliers: Array) -> Array:
         return -multipliers[..., np.array([drive.row for drive in self.drives], int)]
 
-    def _by_name(self, values: Any) -> dict[str, Array]:
+    def _by_name(self, values: Array) -> dict[str, Array]:
         return {drive.name: value for drive, value in zip(self.drives, values, strict=True)}
 
     @property

@@ -5,16 +5,15 @@ which it goes on: friction in the sense of the slip before, and in that after. W
 sense after, and the other way round; where a joint never slips it has none.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._system._directions import directions_of
 from .._system._system import AbstractSystem
-from .._tools._module import is_concrete
+from .._tools._module import numpy_of
 from .._tools._numbers import tolerance_of
 
 # Slip rate beside those a hundredth of a step before and after, where it turns round, and beside the fastest of all
@@ -32,18 +31,18 @@ class Senses(NamedTuple):
     @property
     def both(self) -> Float[Array, "times 2 p"]:
         """After and before."""
-        xp: Any = np if is_concrete(self.after) else jnp
+        xp = numpy_of(self.after)
         return xp.stack([self.after, self.before], axis=1)
 
 
 def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
     """Of slip rates now, just before and just after each time."""
-    xp: Any = np if is_concrete(slips) else jnp
+    xp = numpy_of(slips)
     slips, same = xp.asarray(slips), _same(system)
     fastest = xp.abs(slips) * xp.where(xp.asarray(system.slips.angular), xp.asarray(length), 1.0)
     fastest = xp.where(xp.isfinite(fastest), fastest, 0.0)
     noise = tolerance_of(NOISE, fastest) * xp.max(fastest, initial=0.0)
-    joint = _largest_of_joints(fastest, same, xp)
+    joint = _largest_of_joints(fastest, same)
     now, early, late = (joint[:, k] for k in range(3))
     rests = (now <= noise) | (now <= tolerance_of(_RESTS, fastest) * xp.maximum(early, late))
     signs = signs_of(system, slips)
@@ -52,7 +51,7 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
     moves_early, moves_late = (early > noise) | ~rests, (late > noise) | ~rests
     after = _filled(ends, moves_late, starts, moves_early, backward=False)
     before = _filled(starts, moves_early, ends, moves_late, backward=True)
-    some_after, some_before = (_of_joints(x != 0, same, xp) for x in (after, before))
+    some_after, some_before = (_of_joints(x != 0, same) for x in (after, before))
     after, before = xp.where(some_after, after, before), xp.where(some_before, before, after)
     sliding = xp.where(rests, 0.0, signs[:, 0])
     return Senses(rests, xp.where(rests, before, sliding), xp.where(rests, after, sliding))
@@ -60,11 +59,11 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
 
 def signs_of(system: AbstractSystem, slips: Float[Array, "... p"]) -> Float[Array, "... p"]:
     """Senses of slip rates: signs, and of surfaces the direction in which they slide."""
-    xp: Any = np if is_concrete(slips) else jnp
+    xp = numpy_of(slips)
     directions = directions_of(system.friction) if system.friction else None
     if directions is None:
         return xp.sign(slips)
-    largest = _largest_of_joints(xp.abs(slips), _same(system), xp)
+    largest = _largest_of_joints(xp.abs(slips), _same(system))
     along = slips / xp.where(largest > 0, largest, 1.0)
     return xp.where(np.asarray(directions.directed), along, xp.sign(slips))
 
@@ -75,19 +74,20 @@ def _same(system: AbstractSystem) -> np.ndarray | None:
     return None if directions is None else np.asarray(directions.same)
 
 
-def _largest_of_joints(sizes: Array, same: np.ndarray | None, xp: Any) -> Array:
+def _largest_of_joints(sizes: Array, same: np.ndarray | None) -> Array:
     """For each slip the largest of all slips of its joint."""
+    xp = numpy_of(sizes)
     return sizes if same is None else xp.max(xp.where(same, sizes[..., None, :], 0.0), axis=-1, initial=0.0)
 
 
-def _of_joints(flags: Array, same: np.ndarray | None, xp: Any) -> Array:
+def _of_joints(flags: Array, same: np.ndarray | None) -> Array:
     """For each slip whether it is so for any slip of its joint."""
-    return flags if same is None else xp.any(flags[..., None, :] & same, axis=-1)
+    return flags if same is None else numpy_of(flags).any(flags[..., None, :] & same, axis=-1)
 
 
 def _filled(own: Array, has: Array, others: Array, has_others: Array, *, backward: bool) -> Array:
     """Own senses, or where there are none the nearest of the others at later times, or at earlier ones."""
-    xp: Any = np if is_concrete(own) else jnp
+    xp = numpy_of(own)
     if backward:
         return _filled(own[::-1], has[::-1], others[::-1], has_others[::-1], backward=False)[::-1]
     count = len(own)

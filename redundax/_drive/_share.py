@@ -9,7 +9,6 @@ rows that brings about its forces; where friction depends on the share it is rep
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -214,7 +213,7 @@ def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:
     return sizes
 
 
-def _check_all(argument: str, given: Mapping[str, Any], names: Sequence[str]) -> None:
+def _check_all(argument: str, given: Mapping[str, Array], names: Sequence[str]) -> None:
     if set(given) != set(names):
         raise RedundaxError(
             f"Argument `{argument}` must name each drive that follows a law, {', '.join(names)}, but names "

@@ -1,6 +1,6 @@
 """Errors of unsuccessful results, with the names of the rows or joints that they are about."""
 
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -96,7 +96,21 @@ def culprits(system: AbstractSystem, state: State, factor: AbstractSolvedFactori
     return ""
 
 
-def _about_to_change(system: AbstractSystem, motion: Any) -> str:
+@runtime_checkable
+class Motion(Protocol):
+    """What is read of a motion, each with an axis for times in front."""
+
+    @property
+    def states(self) -> State: ...
+    @property
+    def qd(self) -> Array: ...
+    @property
+    def multipliers(self) -> Array: ...
+    @property
+    def contact(self) -> Array | None: ...
+
+
+def _about_to_change(system: AbstractSystem, motion: Motion) -> str:
     """Contacts that are nearest to closing or opening at the last time that a motion is given at, the nearest first."""
     known = np.flatnonzero(np.isfinite(np.asarray(motion.qd)).all(axis=1))
     if motion.contact is None or not known.size:

@@ -42,7 +42,17 @@ from .._tools._compilation import is_single
 from .._tools._errors import RedundaxError
 from .._tools._lapack import one_by_one
 from .._tools._module import batch_any, is_concrete
-from .._tools._numbers import are_numbers, cholesky, cond, custom_jvp, or_one, solve_triangular, stop_gradient, xp
+from .._tools._numbers import (
+    are_numbers,
+    cholesky,
+    chosen_of,
+    cond,
+    custom_jvp,
+    or_one,
+    solve_triangular,
+    stop_gradient,
+    xp,
+)
 from .._tools._table import AbstractFigures
 from .._tools._value import value
 
@@ -136,7 +146,7 @@ def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | Non
     def decomposed() -> _Decided:
         unproved = xp.where(proved, 0.0, scaled)
         by_svd = _decide_by_svd(unproved, violation, tolerance, rank)
-        return jax.tree.map(lambda a, b: xp.where(proved, a, b), found, by_svd)
+        return chosen_of(proved, found, by_svd)
 
     return cond(batch_any(~proved), decomposed, lambda: found)
 

@@ -25,7 +25,7 @@ from jaxtyping import Array, Float, Int
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._module import batch_any
-from .._tools._numbers import cond, custom_jvp, solve_triangular, xp
+from .._tools._numbers import chosen_of, cond, custom_jvp, solve_triangular, xp
 
 _STEPS = 2  # of refinement
 _SETTLED = 0.01  # of a direction that tr(G A) may miss
@@ -51,7 +51,7 @@ def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> 
 
     def of_several() -> tuple[Array, Array]:
         several = _of_several_directions(matrix, projector, dimension, kept)
-        return jax.tree.map(lambda a, b: xp.where(dimension > 1, a, b), several, one)
+        return chosen_of(dimension > 1, several, one)
 
     inverse, margin = cond(batch_any(dimension > 1), of_several, lambda: one)
     none = dimension <= 0

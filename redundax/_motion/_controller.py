@@ -6,7 +6,8 @@ instant in derivatives: so what comes after has those by it. Beyond either, step
 last was.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import diffrax
 import jax
@@ -15,8 +16,9 @@ import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import are_numbers, stop_gradient
+from .._tools._numbers import are_numbers, chosen_of, stop_gradient
 from ._moving import Moving
+from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, no_plan
 from ._stiffness import is_worth
 from ._touch import Hit, no_hit
@@ -50,7 +52,7 @@ class Verdict(NamedTuple):
     stiff: Array | float = 0.0
 
 
-def _unused(*_: Any) -> Any:
+def _unused(*_: PyTree) -> None:
     """The vector field, which a first step that is given does not ask for."""
 
 
@@ -60,6 +62,10 @@ class Control(NamedTuple):
     inner: PyTree
     plan: Plan | None
     hit: Hit | None = None
+
+
+# Whether a step is taken, where the next begins and ends, whether it lands at an event, the state, and how it went.
+Judged: TypeAlias = tuple[Flag, Scalar, Scalar, Flag, Control, diffrax.RESULTS]
 
 
 class Controller(diffrax.AbstractAdaptiveStepSizeController):
@@ -75,50 +81,58 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
     jumps: Float[Array, " jumps"] | None
 
     @property
-    def rtol(self) -> Any:  # pyright: ignore
+    def rtol(self) -> Scalar:  # pyright: ignore
         return self.controller.rtol
 
     @property
-    def atol(self) -> Any:  # pyright: ignore
+    def atol(self) -> Scalar:  # pyright: ignore
         return self.controller.atol
 
     @property
-    def norm(self) -> Any:  # pyright: ignore
+    def norm(self) -> Callable[[Moving], Array]:  # pyright: ignore
         return size_of
 
-    def wrap(self, direction: Any) -> "Controller":
+    def wrap(self, direction: Scalar) -> "Controller":
         return self
 
     def init(
-        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, dt0: Any, args: PyTree, func: Any, error_order: Any
-    ) -> tuple[Any, Control]:
+        self,
+        terms: PyTree,
+        t0: Scalar,
+        t1: Scalar,
+        y0: PyTree,
+        dt0: Scalar | None,
+        args: PyTree,
+        func: Callable[..., PyTree],
+        error_order: Scalar | None,
+    ) -> tuple[Scalar, Control]:
         equations, begin = args[0], args[2]
         end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
         hit = None if equations.touch is None else no_hit(equations.touch, t0)
         control = Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
         return self.before_jump(stop_gradient(jnp.asarray(end)), t0), control
 
-    def before_jump(self, end: Array, t: Array) -> Array:
+    def before_jump(self, end: Array, t: Scalar) -> Array:
         """An end of steps after a time, or the number before a jump that is earlier."""
         return end if self.jumps is None else jnp.minimum(end, _next_jump(self.jumps, t))
 
     def adapt_step_size(
         self,
-        t0: Any,
-        t1: Any,
+        t0: Scalar,
+        t1: Scalar,
         y0: PyTree,
         y1_candidate: PyTree,
         args: PyTree,
         y_error: PyTree,
-        error_order: Any,
+        error_order: Scalar,
         controller_state: Control,
-    ) -> tuple[Any, ...]:
+    ) -> Judged:
         zero = jnp.zeros_like(t1)
         told = zero, zero, args, y_error.size, error_order, controller_state.inner
         keep, t, following, _, inner, result = self.controller.adapt_step_size(t0, t1, *told)
         so_far = keep, t, following, False, controller_state._replace(inner=inner), result
         keep, t, following, lands, control, result = self._up_to_event(t0, t1, y_error, so_far)
-        following = stop_gradient(following)
+        following = stop_gradient(jnp.asarray(following))
         if self.jumps is not None:
             at = stop_gradient(_beside(self.jumps, -jnp.inf)) == stop_gradient(t1)
             jumps = keep & jnp.any(at)
@@ -128,10 +142,10 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
         if control.plan is not None or self.jumps is not None:
             _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
-            control = control._replace(inner=jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner))
+            control = control._replace(inner=chosen_of(lands, fresh, inner))
         return keep, t, self.before_jump(following, t), lands, control, result
 
-    def _up_to_event(self, t0: Any, t1: Any, verdict: Verdict, so_far: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _up_to_event(self, t0: Scalar, t1: Scalar, verdict: Verdict, so_far: Judged) -> Judged:
         """The same, of which no step passes an event; one that ends there lands."""
         keep, t, following, lands, (inner, plan, hit), result = so_far
         stiff = keep & is_worth(jnp.asarray(verdict.stiff), t1, t1 - t0, self.end)
@@ -179,7 +193,7 @@ def told_apart(jumps: Float[Array, " jumps"]) -> Float[Array, " jumps"]:
     return without_derivative(jnp.any(off <= near, axis=1), jumps)
 
 
-def _next_jump(jumps: Float[Array, " jumps"], t: Array) -> Array:
+def _next_jump(jumps: Float[Array, " jumps"], t: Scalar) -> Array:
     """The number before the first jump after a time; infinite if there is none."""
     before = _beside(jumps, -jnp.inf)
     return jnp.min(jnp.where(before > t, before, jnp.inf), initial=jnp.inf)

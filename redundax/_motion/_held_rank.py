@@ -23,7 +23,7 @@ N0, and X^T W X + w U for X^T W X.
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
 
-from typing import Any
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -31,6 +31,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._equations._factorisation import Factorisation
 from .._equations._kinematics import AlongMotion, along_motion, model_at
 from .._equations._matrices import matrices_of
 from .._equations._rank import split
@@ -74,9 +75,10 @@ class Held(AbstractModule):
         """N0 N0^T."""
         return self.basis if _is_projector(self.basis) else self.basis @ self.basis.T
 
-    def renewed_by(self, found: Any) -> "Held":
-        """With the basis found without derivatives; those of the mass stay."""
-        return replace_fields(self, basis=found.basis)
+    @property
+    def rank(self) -> dict[str, Array]:
+        """Fields that hold the rank, which have no derivatives; those of the mass have."""
+        return {"basis": self.basis}
 
     def factorised(self, system: AbstractSystem, state: State) -> "HeldFactorisation":
         """Assemble and factorise at a state."""
@@ -169,10 +171,10 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         """The least change by which the held rows change as much."""
         return self.response @ self.held_inverse(off / self.held.row_scale)
 
-    def renewed(self, held: Any) -> tuple[Held, Float[Array, ""]]:
+    def renewed(self) -> tuple[Held, Float[Array, ""]]:
         """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
         basis, excess = jax.lax.stop_gradient((_orthonormal(self.stress, self.held.basis), self._excess))
-        return eqx.tree_at(lambda held: held.basis, held, basis), excess
+        return replace_fields(self.held, basis=basis), excess
 
     def completed(self, rows: tuple[int, ...], off: Float[Array, " m"]) -> Float[Array, " m"]:
         """A change of rows with positions, and the least of `rows`, of velocity, that no self-stress contradicts."""
@@ -265,8 +267,9 @@ def hold(
     """Hold the rank of a factorisation at its state; `redundancy` is m - rank where that is no traced number, and
     `singular` says whether M may be singular."""
 
-    def dense(factor: Any) -> AnyHeld:
-        return held_by(system, state, factor.scaling, factor.split.stress, redundancy, singular=singular)
+    def dense(factor: AbstractSolvedFactorisation) -> AnyHeld:
+        stress = cast(Factorisation, factor).split.stress
+        return held_by(system, state, factor.scaling, stress, redundancy, singular=singular)
 
     def sparse(factor: AbstractSolvedFactorisation) -> AnyHeld:
         return hold_sparse(system, state, factor.spectrum.rank)[0]

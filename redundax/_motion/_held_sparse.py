@@ -4,7 +4,7 @@ They stay independent until a pivot of theirs becomes small, as it does on the w
 others would do instead: where less than a tenth of the least is left rows are chosen anew, of the same number.
 """
 
-from typing import Any, cast
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -42,9 +42,10 @@ class SparseHeld(AbstractModule):
     mass: Float[Array, "bodies s s"] | None
     least: Float[Array, ""]
 
-    def renewed_by(self, found: Any) -> "SparseHeld":
-        """With the rows found without derivatives; those of the mass stay."""
-        return replace_fields(self, kept=found.kept, least=found.least)
+    @property
+    def rank(self) -> dict[str, Array]:
+        """As of dense matrices."""
+        return {"kept": self.kept, "least": self.least}
 
     def factorised(self, system: AbstractSystem, state: State) -> "SparseHeldFactorisation":
         """Assemble and factorise at a state."""
@@ -90,9 +91,9 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         pick, decision = closed(self.gram, self.held.row_scale, compliance)
         return pick, decision.margin
 
-    def renewed(self, held: Any) -> tuple[SparseHeld, Float[Array, ""]]:
+    def renewed(self) -> tuple[SparseHeld, Float[Array, ""]]:
         """The same rank held by rows that are far from dependent, and how much those left out contribute."""
-        stress = jax.lax.stop_gradient(self.gram)
+        stress, held = jax.lax.stop_gradient(self.gram), self.held
 
         def excess() -> Array:
             z = jnp.ones_like(stress.kept)[:, None]
@@ -107,8 +108,7 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         some = jnp.any(stress.kept == 0)
         left = jnp.min(stress.pivots) < _LEFT * held.least
         kept, least = jax.lax.cond(some & left, chosen, lambda: (held.kept, held.least))
-        renewed = SparseHeld(kept, held.row_scale, held.inverse_mass, held.mass, least)
-        return renewed, jax.lax.cond(some, excess, lambda: none)
+        return replace_fields(held, kept=kept, least=least), jax.lax.cond(some, excess, lambda: none)
 
     def completed(self, rows: tuple[int, ...], off: Float[Array, " m"]) -> Float[Array, " m"]:
         """As of dense matrices, of a system without rows of velocity."""

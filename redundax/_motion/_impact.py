@@ -13,7 +13,7 @@ same before and after: Phi_t . P.
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -119,7 +119,7 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     known = are_known(equations, state, restitution)
     caches = [{} if known else None for _ in range(2)]
 
-    def turn(now: _Now, place: Any) -> tuple[_Now, _Turn]:
+    def turn(now: _Now, place: Array | np.integer) -> tuple[_Now, _Turn]:
         last = place == _GOES_ON
         at = replace_fields(state, qd=xp.where(last, now.qd, state.qd))
         wanted = cond(last, lambda: model_of_all(system, at).motion.gamma, lambda: right)

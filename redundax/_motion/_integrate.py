@@ -30,12 +30,12 @@ from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, chosen_of, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._controller import Controller, told_apart
 from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
-from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
+from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
 from ._project import project
 from ._radau_solver import Radau
 from ._slip import no_plan
@@ -361,7 +361,7 @@ def _solved(
         held, found = done.held.anew(system, y.at(t), equations.scaling, declared, redundancy)
         y, _ = rechart(system, y)
         if equations.stabilisation.projects:
-            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))
+            y = chosen_of(resting, y, project(system, t, y, held))
         state = y.at(t)
         linear = there.linear(state, held)
         solved = there.solved(state, linear, None)
@@ -378,9 +378,9 @@ def _solved(
     here = (done.t, done.y, done.mode.sense, done.mode.resting, touch)
     lost = jax.vmap(lambda y: ~jnp.all(jnp.isfinite(jnp.append(y.q, y.qd))))(done.path)
     # Where the motion did not get to stands its end: 0 times the derivatives at NaN would be NaN in every gradient.
-    path = jax.tree.map(lambda a, b: jnp.where(like(lost, a), b, a), path, here)
+    path = chosen_of(lost, here, path)
     solved, found = jax.lax.map(at, jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here))
-    solved = jax.tree.map(lambda x: nan_where(like(lost, x), x[:-1]), solved)
+    solved = jax.tree.map(lambda x: nan_where(lost.reshape(-1, *[1] * (x.ndim - 1)), x[:-1]), solved)
     return solved, (found[0][-1], None if touch is None else jnp.where(lost[:, None], UNKNOWN, found[1][:-1]))
 
 

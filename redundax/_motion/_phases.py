@@ -19,7 +19,7 @@ from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._no_answer import without_second_derivatives
-from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
+from .._tools._numbers import are_known, are_numbers, as_program, chosen_of, cond, stop_gradient, take, xp
 from ._controller import Controller
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
@@ -147,10 +147,7 @@ def run(start: PhaseState, equations: Equations, options: Options) -> PhaseState
     def after(_: Array, now: PhaseState) -> PhaseState:
         goes_on = now.goes_on(max_phases)
 
-        def gone() -> PhaseState:
-            return jax.tree.map(lambda a, b: jnp.where(goes_on, a, b), phase(now), now)
-
-        return jax.lax.cond(batch_any(goes_on), gone, lambda: now)
+        return jax.lax.cond(batch_any(goes_on), lambda: chosen_of(goes_on, phase(now), now), lambda: now)
 
     return jax.lax.fori_loop(0, _stretches(equations, max_phases, touches=start.contacts is not None), after, start)
 
@@ -171,7 +168,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     y = now.y
     if contacts is not None:  # rows that were let go may have held it off those that hold from here on
         y = project(equations.system, now.t, y, now.held)
-        y = jax.tree.map(lambda a, b: jnp.where(mode.resting, a, b), now.y, y)
+        y = chosen_of(mode.resting, now.y, y)
         touch = contacts.touch._replace(overlap=overlaps(equations, now.t, y))
         contacts, equations = contacts._replace(touch=touch), equations.with_touch(touch)
     args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
@@ -189,7 +186,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         begins, hits = ~jnp.asarray(lands), control.hit.time < jnp.inf
         ahead = no_plan(carried.mode)._replace(time=control.hit.time, joint=jnp.asarray(-1))
         slips = plan if equations.has_sense else plan._replace(time=jnp.full_like(plan.time, jnp.inf))
-        plan = jax.tree.map(lambda a, b: jnp.where(hits, a, b), ahead, slips)
+        plan = chosen_of(hits, ahead, slips)
         contacts = contacts._replace(hit=_next(lands, contacts.hit, control.hit), path=_noted(here, contacts))
     return PhaseState(
         t=t,
@@ -198,7 +195,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         held=carried.held,
         since=carried.since,
         plan=plan,
-        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), path, now.path),
+        path=chosen_of(here, path, now.path),
         senses=jnp.where(here[:, None], senses, now.senses),
         rests=jnp.where(here, rests, now.rests),
         going=carried.mode.decided & ((plan.time < jnp.inf) | short | carried.cut | lands) & (t < controller.end),
@@ -222,10 +219,10 @@ def _stretches(equations: Equations, max_phases: int, *, touches: bool) -> int:
 
 
 def _adjoint(options: Options, equations: Equations) -> diffrax.AbstractAdjoint:
-    """How derivatives of steps are taken.
+    """How derivatives of steps are taken that `walk` leaves, as of large mechanisms and without projection.
 
     Where going forth and back are computed apart, what is computed again differs by rounding, and so do the lengths of
-    steps, by as much as errors do that are rounding: derivatives were off by up to 2e-4. So all steps are kept there of
+    steps, by as much as errors do that are rounding: derivatives were off by up to 2e-3. So all steps are kept there of
     motions of one phase; of others back alone computes a phase again, and then from its steps.
     """
     own, one = options.adjoint, not equations.has_sense and equations.touch is None
@@ -283,7 +280,7 @@ def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:
 
 def _noted(here: Bool[Array, " times"], contacts: Contacts) -> Touch:
     """What contacts do at the times asked for, with what they do at some of them."""
-    return jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), contacts.touch, contacts.path)
+    return chosen_of(here, contacts.touch, contacts.path)
 
 
 def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, options: Options) -> PhaseState:
@@ -304,14 +301,14 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     settled = cast(Contacts, onward.contacts)
     here = (starts | (options.ts > done.t)) & (options.ts <= t)  # as the step may end before the event
     onward = onward._replace(
-        path=jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path),
+        path=chosen_of(here, onward.y, done.path),
         senses=xp.where(here[:, None], onward.mode.sense, done.senses),
         rests=xp.where(here, onward.mode.resting, done.rests),
         contacts=settled._replace(path=_noted(here, settled)),
         going=onward.going & done.going & (starts | (t < options.controller.end)),
         begun=xp.maximum(onward.begun, 0),
     )
-    return jax.tree.map(lambda a, b: xp.where(lands, a, b), onward, done)
+    return chosen_of(lands, onward, done)
 
 
 def _goes_round(done: PhaseState, after: After, equations: Equations, times: tuple[Array, Array]) -> Bool[Array, ""]:
@@ -380,7 +377,7 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
         contacts=contacts,
         y=onward.y,
         mode=done.mode._replace(sense=onward.sense),
-        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), onward.path, done.path),
+        path=chosen_of(here, onward.path, done.path),
         senses=jnp.where(here[:, None], done.mode.sense, done.senses),
         rests=done.rests & ~here,
         steps=done.steps + (onward.t > done.t),
@@ -403,11 +400,6 @@ def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
     onward, rates = equations.with_sense(sense), stop_gradient((linear.rate, solved.slip))
     return Release(onward, done.t, done.y, context, done.released, touches, *rates)
-
-
-def like(mask: Array, x: Array) -> Array:
-    """A mask of times, shaped as an array that has them in front."""
-    return mask.reshape(mask.shape + (1,) * (x.ndim - 1))
 
 
 def _join(one: Diagnostics, two: Diagnostics) -> Diagnostics:

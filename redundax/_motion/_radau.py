@@ -9,13 +9,13 @@ the solution of the linear equations there. The error, of order 3, is filtered b
 E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, Springer 1996, section IV.8.
 """
 
-from typing import Any
-
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
+
+from ._scalars import Flag, Scalar
 
 _ROOT = 6**0.5
 STAGES = (4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0
@@ -35,7 +35,7 @@ _NEWTON, _LEFT, _CONTRACTION = 10, 1e-3, 0.3
 _TAKEN, _REFUSED = 0.3, 16.0
 
 
-def weights_at(nodes: tuple[float, ...], s: Float[Array, ""]) -> Float[Array, " nodes"]:
+def weights_at(nodes: tuple[float, ...], s: Scalar) -> Float[Array, " nodes"]:
     """Weights at s of the values at nodes, by which a polynomial passes through them."""
     return jnp.stack([jnp.prod(jnp.stack([(s - b) / (a - b) for b in nodes if b != a])) for a in nodes])
 
@@ -43,11 +43,11 @@ def weights_at(nodes: tuple[float, ...], s: Float[Array, ""]) -> Float[Array, " 
 class Collocation(diffrax.AbstractLocalInterpolation):
     """The polynomial through the beginning of a step and its stages, of any tree of arrays."""
 
-    t0: Any
-    t1: Any
-    values: Any
+    t0: Scalar
+    t1: Scalar
+    values: PyTree
 
-    def evaluate(self, t0: Any, t1: Any = None, left: bool = True) -> Any:
+    def evaluate(self, t0: Scalar, t1: Scalar | None = None, left: bool = True) -> PyTree:
         if t1 is not None:
             return jax.tree.map(lambda a, b: a - b, self.evaluate(t1), self.evaluate(t0))
         s = (t0 - self.t0) / jnp.where(self.t1 > self.t0, self.t1 - self.t0, 1.0)
@@ -58,7 +58,7 @@ class Collocation(diffrax.AbstractLocalInterpolation):
 class RadauSteps(diffrax.AbstractAdaptiveSolver):
     """Steps for one vector free of units; `tolerance` is that of a step."""
 
-    tolerance: Any
+    tolerance: Scalar
     term_structure = diffrax.AbstractTerm
     interpolation_cls = Collocation
 
@@ -68,15 +68,15 @@ class RadauSteps(diffrax.AbstractAdaptiveSolver):
     def error_order(self, terms: PyTree) -> int:
         return 4
 
-    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
+    def func(self, terms: PyTree, t0: Scalar, y0: PyTree, args: PyTree) -> Array:
         return terms.vf(t0, y0, args)
 
-    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> None:
+    def init(self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree) -> None:
         return None
 
     def step(
-        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Any
-    ) -> Any:
+        self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Flag
+    ) -> tuple[Array, Array, dict[str, Array], None, diffrax.RESULTS]:
         h, m, dtype = t1 - t0, y0.size, y0.dtype
         inverse, places, one = jnp.asarray(_INVERSE, dtype), jnp.asarray(STAGES, dtype), jnp.eye(m, dtype=dtype)
         first, along = jax.linearize(lambda y: terms.vf(t0, y, True), y0)

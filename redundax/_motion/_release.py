@@ -34,7 +34,7 @@ from numpy.polynomial import legendre
 from .._system._directions import Directions
 from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import stop_gradient
+from .._tools._numbers import chosen_of, stop_gradient
 from ._linear import Linear, least_friction
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
@@ -156,12 +156,10 @@ def _followed(
     states = _along(release, course, jnp.append(ts, then))
     there = rechart(equations.system, jax.tree.map(lambda x: x[-1], states))[0]
     there = project(equations.system, then, there, release.context.held)
-    then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
+    then, there = chosen_of(goes, (then, there), (t, y))
     then, there = jax.tree.map(lambda x: without_derivative(jnp.any(release.joints) & wanted & ~goes, x), (then, there))
     here = goes & (ts > t) & (ts <= then)
-    path = jax.tree.map(
-        lambda new, old: jnp.where(here.reshape(-1, *[1] * (old.ndim - 1)), new[:-1], old), states, path
-    )
+    path = chosen_of(here, jax.tree.map(lambda x: x[:-1], states), path)
     course = stop_gradient(course)
     sense = jnp.where(goes, _directions(release, course), equations.sense)
     onward = release._replace(
@@ -273,7 +271,7 @@ def _longest(release: Release, guess: _Guess, wanted: Array, tolerance: Array) -
         return ~(course.error <= 1) & (count < _SPANS)
 
     found, _ = jax.lax.while_loop(goes_on, attempt, (none._replace(span=guess.span), jnp.zeros((), int)))
-    return jax.tree.map(lambda a, b: jnp.where(wanted & (found.error <= 1), a, b), found, none)
+    return chosen_of(wanted & (found.error <= 1), found, none)
 
 
 def _over(release: Release, begin: _Course, tolerance: Array) -> _Course:

@@ -30,7 +30,7 @@ from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import batch_any, or_zeros
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import xp
+from .._tools._numbers import chosen_of, xp
 from ._linear import AnyLinear, least_friction
 from ._moving import NONE, Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._stick import Mode, mode_at, mode_of
@@ -232,7 +232,7 @@ def look(
         after, held, at_root, cut = (stage == kind for kind in (_AT, _HELD, _THERE, _CUT))
         at_event = held | at_root | cut
         t = jnp.select([ends, looks, halves, at_event, after], [step.end, wait, now.aim, high, beyond], short)
-        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
+        y = chosen_of(ends, step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, jnp.where(held, step.trial, now.trial), step.lands | cut)
         there, go = found.there, _released(equations, found.there)
         over = jnp.where(ends, found.against > 0, now.over)
@@ -247,10 +247,10 @@ def look(
         joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
         mode = there._replace(sense=_let_go(equations, there, there.tau), resting=jnp.zeros((), bool))
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, now.plan.weights, go & ~stops, stops, mode)
-        plan = jax.tree.map(lambda a, b: jnp.where(later, a, b), plan, now.plan)
+        plan = chosen_of(later, plan, now.plan)
         # Just beyond a limit some joints are not yet told apart from those that stick; a little later they are.
         others = after & (now.turn == 0) & jnp.any(plan.free) & jnp.any(go & ~plan.free)
-        plan = jax.tree.map(lambda a, b: jnp.where(others, a, b), plan._replace(free=go | plan.free, onward=mode), plan)
+        plan = chosen_of(others, plan._replace(free=go | plan.free, onward=mode), plan)
         plan = _turned(equations, plan, found, after, held)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
@@ -405,7 +405,7 @@ def landing(
     along = equations.sense if step.along is None else step.along
     along = jnp.where(step.trial == equations.sense, along, step.trial)
     free = jnp.any(plan.free)
-    onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
+    onward = chosen_of(plan.stops, seen.there, plan.onward)
     weights, halt = jnp.zeros_like(along).at[plan.joint].set(1.0), None
     if seen.yields is not None:
         sense, (unit, yields) = jnp.where(free, equations.sense, onward.sense), seen.yields

@@ -10,20 +10,27 @@ Where friction has senses the end is looked at for events (`_slip`). A step that
 when they go on, the first ends at the event, beyond which senses are others.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import velocity
-from .._tools._numbers import stop_gradient, xp
+from .._system._state import State
+from .._tools._module import replace_fields
+from .._tools._numbers import chosen_of, stop_gradient, xp
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._project import CLOSED, project
+from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
 from ._stick import Mode
 from ._stiffness import Watched, stiff_steps
@@ -78,7 +85,7 @@ class Begin(NamedTuple):
     since: Array
     held: AnyHeld
     plan: Plan
-    lands: Any
+    lands: Array | np.bool_
     end: Array
 
 
@@ -112,24 +119,24 @@ class Stepper(diffrax.AbstractWrappedSolver):
     constant: bool = eqx.field(static=True)
 
     @property
-    def term_structure(self) -> Any:
+    def term_structure(self) -> PyTree:
         return self.solver.term_structure
 
     @property
-    def interpolation_cls(self) -> Any:  # pyright: ignore
+    def interpolation_cls(self) -> Callable[..., diffrax.AbstractLocalInterpolation]:  # pyright: ignore
         return self.solver.interpolation_cls
 
     @property
-    def term_compatible_contr_kwargs(self) -> Any:
+    def term_compatible_contr_kwargs(self) -> PyTree:
         return self.solver.term_compatible_contr_kwargs
 
     @property
-    def root_finder(self) -> Any:
+    def root_finder(self) -> optx.AbstractRootFinder:
         """Of an implicit solver."""
         return self.solver.root_finder  # pyright: ignore
 
     @property
-    def scan_kind(self) -> Any:
+    def scan_kind(self) -> PyTree:
         """Of a Runge-Kutta solver."""
         return self.solver.scan_kind  # pyright: ignore
 
@@ -140,13 +147,13 @@ class Stepper(diffrax.AbstractWrappedSolver):
     def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 
-    def error_order(self, terms: PyTree) -> Any:
+    def error_order(self, terms: PyTree) -> Scalar | None:
         return self.solver.error_order(terms)
 
-    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
+    def func(self, terms: PyTree, t0: Scalar, y0: PyTree, args: PyTree) -> Moving:
         return self.solver.func(terms, t0, y0, args)
 
-    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> Carried:
+    def init(self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree) -> Carried:
         equations, context, begin = args
         inner = self.solver.init(terms, t0, t1, y0, (equations, context))
         kinetic = equations.kinetic_energy(t0, y0)
@@ -157,14 +164,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
 
     def step(
-        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: Carried, made_jump: Any
-    ) -> tuple[Any, Any, Any, Carried, Any]:
+        self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree, solver_state: Carried, made_jump: Flag
+    ) -> tuple[Moving, Verdict, PyTree, Carried, diffrax.RESULTS]:
         jumps = True if self.always_jumps(args[0]) else made_jump  # diffrax asks with one that is traced and without
-        return self._step(terms, t0, t1, y0, args, solver_state, jumps)
+        return self._step(terms, jnp.asarray(t0), jnp.asarray(t1), y0, args, solver_state, jumps)
 
     @eqx.filter_jit  # diffrax traces it three times
     def _step(
-        self, terms: PyTree, t0: Array, t1: Array, y0: Moving, args: tuple, now: Carried, made_jump: bool | Array
+        self, terms: PyTree, t0: Array, t1: Array, y0: Moving, args: tuple, now: Carried, made_jump: Flag
     ) -> tuple[Moving, Verdict, PyTree, Carried, diffrax.RESULTS]:
         equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
@@ -175,24 +182,19 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if projects:
             y = project(system, t1, y, context.held)
         if equations.has_sense:
-            y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
+            y = chosen_of(context.rests, y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun_at, begun, t, before, path = stop_gradient((equations, y, y0, t0, t1, now, dense))
-        found: PyTree = None
-        plan: Any = None
-        step: Any = None
-        cut: Any = None
-        well = True
+        event, well = None, True
         if not equations.has_sense:
-            found = _see(fixed, t, there, before, None)
+            found = _see(fixed, t, there, before)
         else:
             lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
             step = Step(begun, t, there, context.rests, lands, trial, before.along)
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            found, plan, well, cut = look(
-                fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
-            )
+            found, plan, well, cut = look(fixed, step, steps.evaluate, lambda *at: _seen(fixed, before, *at))
+            event = step, plan, cut, found
         sight, carried, jump = _watched(fixed, now, found, inner)
         if isinstance(self.solver, Watched):
             stiff = stiff_steps(carried.watch.stiff, fixed, begun_at, path["k"], t - begun)
@@ -207,18 +209,19 @@ class Stepper(diffrax.AbstractWrappedSolver):
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
             hit, stops = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
             good, size = good | (stops & ~args[2].lands), jnp.where(stops & ~args[2].lands, 0.0, size)
-        if step is None:
+        if event is None:
             if hit is not None:
                 hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))
             told, no = jnp.where(good, size, jnp.inf), jnp.zeros_like(t1)
             told = Verdict(told, None, no, no, no, no, no, no, hit, carried.watch.stiff)
             return y, told, dense, carried, result
+        step, plan, cut, found = event
         end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
         if equations.directions is not None:
             steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
             cut_at, _ = rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))
-            y = jax.tree.map(lambda a, b: jnp.where(cut, a, b), cut_at, y)
-            end, at = (jax.tree.map(lambda a, b: jnp.where(cut, a, b), *two) for two in ((plan.time, t1), (plan, at)))
+            y = chosen_of(cut, cut_at, y)
+            end, at = chosen_of(cut, (plan.time, plan), (t1, at))
             step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
             again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
             ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
@@ -244,13 +247,6 @@ class Stepper(diffrax.AbstractWrappedSolver):
         return y, told, dense, carried, result
 
 
-class Trial(NamedTuple):
-    """The senses of friction at an instant, and whether an event is there."""
-
-    sense: Float[Array, " p"]
-    lands: Array
-
-
 class Sight(NamedTuple):
     """What is watched at an instant: what is held from there on, how much the rows left out contribute, the watch, the
     violation of the position, and the least pivot."""
@@ -262,47 +258,57 @@ class Sight(NamedTuple):
     pivot: Array
 
 
-@eqx.filter_jit  # traced once
-def _see(equations: Equations, t: Array, y: Moving, now: Carried, trial: Trial | None) -> Any:
-    """What is found at an instant; without senses the equations solved, without friction what is watched alone."""
-    state, context = y.at(t), now.context
-    factor = factorize_held(equations.system, state, context.held)
-    held, excess = factor.renewed(context.held)
+def _sight(equations: Equations, t: Array, y: Moving, now: Carried) -> tuple[State, AnyHeldFactorisation, Sight]:
+    """The state at an instant, its factorisation, and what is watched."""
+    state = y.at(t)
+    factor = factorize_held(equations.system, state, now.held)
+    held, excess = factor.renewed()
     sight = Sight(held, excess, *_diagnostics_after(now.watch, equations, t, y, factor), jnp.min(factor.pivots))
-    if not equations.system.friction:
-        return sight
-    linear = equations.linear(state, context.held, factor, closed=equations.loaded)
-    if trial is not None:
-        return seen(equations, state, linear, context, trial.sense, trial.lands, sight)
-    return Found(equations.solved(state, linear, context.tau, context.along), sight)
+    return state, factor, sight
 
 
 class Found(NamedTuple):
-    """The equations solved at an instant, and what is watched."""
+    """The equations solved at an instant, if there is friction, and what is watched."""
 
-    solved: Solved
+    solved: Solved | None
     watch: Sight
 
 
-def _watched(equations: Equations, now: Carried, found: PyTree, inner: PyTree) -> tuple[Sight, Carried, Array]:
+@eqx.filter_jit  # traced once
+def _see(equations: Equations, t: Array, y: Moving, now: Carried) -> Found:
+    """What is found at an instant where friction has no senses."""
+    (state, factor, sight), solved = _sight(equations, t, y, now), None
+    if equations.system.friction:
+        linear = equations.linear(state, now.held, factor, closed=equations.loaded)
+        solved = equations.solved(state, linear, now.mode.tau, now.along)
+    return Found(solved, sight)
+
+
+@eqx.filter_jit  # traced once
+def _seen(equations: Equations, now: Carried, t: Array, y: Moving, trial: Array, lands: Array) -> Seen:
+    """The same where it has, with those of `trial`; `lands` says whether an event is there."""
+    state, factor, sight = _sight(equations, t, y, now)
+    linear = equations.linear(state, now.held, factor, closed=equations.loaded)
+    return seen(equations, state, linear, now.context, trial, lands, sight)
+
+
+def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyTree) -> tuple[Sight, Carried, Array]:
     """What was seen at the end of a step, what is carried on from there, and how much friction jumps where it may have
     several solutions."""
-    friction = equations.system.friction
-    sight: Sight = found.watch if friction else found
-    mode, along, jump, watch = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch
-    if friction:
-        solved: Solved = found.solved
+    sight: Sight = found.watch
+    mode, along, jump, watch, solved = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch, found.solved
+    if solved is not None:
         change = jnp.where(equations.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
         jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
         watch = watch._replace(
             contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
         )
         mode = mode._replace(tau=solved.tau)
-        if along is not None:
-            along = equations.turned(found.rate, along, jnp.zeros((), bool))
-    largest = jnp.maximum(now.largest, sight.pivot)
-    parts = {"inner": inner, "mode": mode, "held": now.held.renewed_by(sight.held), "along": along, "watch": watch}
-    return sight, now._replace(**parts, pivot=sight.pivot, largest=largest), jump
+    if along is not None and isinstance(found, Seen):
+        along = equations.turned(found.rate, along, jnp.zeros((), bool))
+    held, pivot = replace_fields(now.held, **sight.held.rank), sight.pivot
+    parts = {"inner": inner, "mode": mode, "held": held, "along": along, "watch": watch}
+    return sight, now._replace(**parts, pivot=pivot, largest=jnp.maximum(now.largest, pivot)), jump
 
 
 def _landed(
@@ -317,10 +323,8 @@ def _landed(
     end, onward = landing(fixed, step, plan, found, change, stop_gradient(last))
     shift, y = landed(equations, t, y, context, step.trial, found.rate, end)
 
-    def new(a: Any, b: Any) -> Any:
-        return jax.tree.map(lambda a, b: jnp.where(step.lands, a, b), a, b)
-
-    mode = new(onward, jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.mode, after.mode))
+    new = partial(chosen_of, step.lands)
+    mode = new(onward, chosen_of(context.rests, now.mode, after.mode))
     released = step.lands & plan.free
     released = released & (False if equations.directions is None else equations.directions.directed)
     y = y._replace(qd=jnp.where(mode.resting, 0.0, y.qd))
@@ -330,7 +334,7 @@ def _landed(
         along=None if after.along is None else new(onward.sense, after.along),
         plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
         released=released,
-        watch=jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.watch, after.watch),
+        watch=chosen_of(context.rests, now.watch, after.watch),
     )
     ends = ~mode.decided if equations.directions is None else step.lands
     lands, rests, ends = (flag.astype(t.dtype) for flag in (step.lands, mode.resting, ends))

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from .._equations._kinematics import velocity
 from ._moving import Equations, Moving
+from ._scalars import Scalar
 
 # |h lambda| that counts: the solver is stable up to 5.2 in the left half plane. Its last three stages are at one time.
 _BOUNDARY, _STAGES = 4.5, (11, 12)
@@ -28,7 +29,7 @@ class Watched(diffrax.Dopri8):
     """Dopri8, whose steps are watched for stiffness."""
 
 
-def is_worth(stiff: Array, t: Array, step: Array, end: Array) -> Array:
+def is_worth(stiff: Array, t: Scalar, step: Scalar, end: Array) -> Array:
     """Whether another solver takes over: by the steps that are stiff, and those left."""
     return (stiff >= STIFF) & (end - t > _WORTH * step)
 

@@ -14,7 +14,7 @@ Any diffrax solver takes the step, in a time from 0 to 1 and coordinates free of
 tolerance of the step. Where the rank is traced the projector N N^+ stands for N and N^+.
 """
 
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -31,6 +31,7 @@ from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving
 from ._radau import STAGES, Collocation, RadauSteps
 from ._radau_solver import Radau
+from ._scalars import Flag, Scalar
 
 # Chord iterations of a stage, from what is off by e^3 where the step bends by e: each takes it by e. Those of a stage
 # at the beginning of a step, whose derivatives are exact after one.
@@ -66,15 +67,15 @@ class Coordinates(NamedTuple):
         none = jnp.zeros_like(self.onto[:, 0])
         return self.packed(none, none, jnp.zeros_like(self.begin.work), self.begin.memory)
 
-    def packed(self, u: Array, v: Array, work: Array, memory: Any) -> Float[Array, " z"]:
+    def packed(self, u: Array, v: Array, work: Array, memory: list[PyTree]) -> Float[Array, " z"]:
         """z, free of units."""
         sized = [jax.tree.map(jnp.divide, own, size) for own, size in zip(memory, self._sizes(), strict=True)]
         return ravel_pytree((u / self.size, v / self.speed, work / self.energy, sized))[0]
 
-    def _sizes(self) -> list[Any]:
+    def _sizes(self) -> list[PyTree]:
         return [group.memory_size() for group in self.equations.system.friction]
 
-    def _unpacked(self, z: Array) -> tuple[Array, Array, Array, list[Any]]:
+    def _unpacked(self, z: Array) -> tuple[Array, Array, Array, list[PyTree]]:
         none = jnp.zeros_like(self.onto[:, 0])
         u, v, work, sized = ravel_pytree((none, none, self.begin.work, self.begin.memory))[1](z)
         memory = [jax.tree.map(jnp.multiply, own, size) for own, size in zip(sized, self._sizes(), strict=True)]
@@ -142,13 +143,13 @@ class Tangent(diffrax.AbstractWrappedSolver):
     def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 
-    def error_order(self, terms: PyTree) -> Any:
+    def error_order(self, terms: PyTree) -> Scalar | None:
         return self.solver.error_order(terms)
 
-    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
+    def func(self, terms: PyTree, t0: Scalar, y0: PyTree, args: PyTree) -> Moving:
         return terms.vf(t0, y0, args)
 
-    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> Float[Array, "n f"] | None:
+    def init(self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree) -> Float[Array, "n f"] | None:
         equations, context = args
         if not self.known:
             return None
@@ -157,9 +158,9 @@ class Tangent(diffrax.AbstractWrappedSolver):
         return stop_gradient(scale[:, None] * jnp.linalg.svd(factor.rows * scale)[2][rank:].T)
 
     def step(
-        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Any
-    ) -> Any:
-        equations, context = args
+        self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Flag
+    ) -> tuple[Moving, Moving | None, dict[str, Moving], Float[Array, "n f"] | None, diffrax.RESULTS]:
+        (equations, context), t0, t1 = args, jnp.asarray(t0), jnp.asarray(t1)
         at, dt = coordinates(equations, t0, y0, context, solver_state), t1 - t0
         term = diffrax.ODETerm(lambda s, z, at_begin: dt * at.rate(t0 + s * dt, z, at_begin is True))
         begin, zero, one = at.start, jnp.zeros_like(t0), jnp.ones_like(t0)

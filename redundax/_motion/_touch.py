@@ -14,7 +14,7 @@ ends there, by the dense output.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -23,10 +23,11 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import along_motion
 from .._solve._contacts import OUTSIDE
-from .._tools._numbers import as_program, or_one, xp
+from .._tools._numbers import as_program, chosen_of, or_one, xp
 from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
 from ._project import CLOSED
+from ._scalars import Scalar
 
 # Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
 # what is left of a step is below the accuracy of its dense output.
@@ -76,7 +77,7 @@ class Hit(NamedTuple):
     which: Bool[Array, " c"]
 
 
-def no_hit(touch: Touch, like: Array) -> Hit:
+def no_hit(touch: Touch, like: Scalar) -> Hit:
     """No event ahead."""
     return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
 
@@ -148,7 +149,7 @@ def first_hit(
     def at(look: tuple[Array, Array]) -> Margins:
         t, ends = look
         y = rechart(equations.system, between(t))[0]
-        return margins(equations, t, jax.tree.map(lambda a, b: jnp.where(ends, a, b), last, y), context, ~ends)
+        return margins(equations, t, chosen_of(ends, last, y), context, ~ends)
 
     parts = jnp.arange(1, _LOOKS + 1, dtype=width.dtype) / _LOOKS
     seen = jax.lax.map(at, (start + width * parts, parts == 1))
@@ -163,7 +164,7 @@ def first_hit(
 
     first = jnp.argmax(jnp.any(beyond_of(seen), axis=1))
 
-    def halve(now: tuple[Any, ...]) -> tuple[Any, ...]:
+    def halve(now: tuple[Array, ...]) -> tuple[Array, ...]:
         low, high, which, held, count = now
         middle = (low + high) / 2
         there = at((middle, jnp.zeros((), bool)))

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -131,7 +130,7 @@ class Trajectory(AbstractNamed):
     impacts: Impacts | None = None
 
     @property
-    def contacts(self) -> dict[str, Any]:
+    def contacts(self) -> dict[str, str | np.ndarray]:
         """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open"; "" where the
         motion did not get to."""
         if self.contact is None or self.names is None:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._tools._checkpointed_loop import checkpointed_loop
+from .._tools._numbers import chosen_of
 
 # Roundings by which a step that ends before the end is taken to it.
 _NEAR = 100
@@ -68,9 +69,6 @@ def walk(
             now.t, now.following, now.y, there, args, told, order, now.control
         )
 
-        def kept(a: PyTree, b: PyTree) -> PyTree:
-            return jax.tree.map(lambda a, b: jnp.where(keep, a, b), a, b)
-
         t = jnp.minimum(t, end)
         near = end - _NEAR * jnp.finfo(end.dtype).eps * jnp.abs(end)
         following = jnp.where(following > near, jnp.where(keep, end, t + 0.5 * (end - t)), following)
@@ -81,8 +79,7 @@ def walk(
         return Walk(
             t,
             following,
-            kept(there, now.y),
-            kept(inner, now.inner),
+            *chosen_of(keep, (there, inner), (now.y, now.inner)),
             control,
             diffrax.RESULTS.where(diffrax.is_okay(ended), result, ended),
             now.taken + jnp.where(keep, 1, 0),
@@ -137,5 +134,5 @@ def _all_passed(
     """The same without a loop, which has no derivative in reverse: of all times at once."""
     here = keep & (jnp.arange(ts.size) >= now.passed) & (ts <= now.following)
     y = jax.vmap(steps.evaluate)(jnp.where(here, ts, now.t))
-    path = jax.tree.map(lambda a, b: jnp.where(here.reshape(-1, *[1] * (a.ndim - 1)), b.astype(a.dtype), a), path, y)
+    path = chosen_of(here, jax.tree.map(lambda a, b: b.astype(a.dtype), path, y), path)
     return path, now.passed + jnp.sum(here)

@@ -106,7 +106,7 @@ def improve(solutions: SolutionSet, cases: AbstractCases, costs: np.ndarray, fou
         nonlocal now, merit
         ahead, its_merit = least(theta)
         better = its_merit < merit
-        now = Found(*(chosen_of(better, new, old) for new, old in zip(ahead, now, strict=True)))
+        now = chosen_of(better, ahead, now)
         merit = np.where(better, its_merit, merit)
         return now.theta, -merit
 

@@ -9,7 +9,7 @@ one in another too.
 import functools
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import Any, cast
+from typing import cast
 
 import jax
 import jax.core
@@ -150,7 +150,7 @@ class Interpreted:
         return self._made(rule.function, [array, *at, *new], count)
 
     def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
-        opened = [_Inner(branch, self._options, self._loops, self._times) for branch in branches]
+        opened = [_Inner(branch, (self._options, self._loops, self._times)) for branch in branches]
 
         def cond(which: Entries, *given: Entries) -> Entries:
             out = opened[clamped(which, len(opened) - 1)](*given)
@@ -218,8 +218,8 @@ _BEGINNING, _COMPILING = 0.15, 4e-4  # seconds of CPU that a program takes, and 
 class _Inner:
     """Equations inside of others, opened when they are first asked for."""
 
-    def __init__(self, closed: ClosedJaxpr, *given: Any, held: int = 0):
-        self._open, self._opened = functools.partial(Interpreted, closed, *given, held=held), None
+    def __init__(self, closed: ClosedJaxpr, inside: "Inside", held: int = 0):
+        self._open, self._opened = functools.partial(Interpreted, closed, *inside, held=held), None
 
     def __call__(self, *given: Entries) -> list[Entries]:
         return self.holding(())(*given)
@@ -236,7 +236,7 @@ class _Loop:
 
     def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, loops: "list[_Loop]", times: float):
         self._equation, self._options, self._loops = equation, options, loops
-        self._turns = _LOOPS[equation.primitive.name](equation.params, options, loops, times)
+        self._turns = _LOOPS[equation.primitive.name](equation.params, (options, loops, times))
         self._most = np.inf if options is None else times * (_BEGINNING + _COMPILING * count(equation))  # seconds
         self._left, self._begun = self._most, np.inf  # the time that its turns began, if it is in one
         self._is_open = False  # what its first turn does once does not count
@@ -277,15 +277,17 @@ class _Loop:
             self._left, self._begun = self._most, time.thread_time()
 
 
+# What equations inside of others are interpreted with: options, loops and times of these.
+Inside = tuple[Callable[[], Options] | None, list[_Loop], float]
 # What a loop is given to go on from here, turn by turn; what it gives at its end; and the part that is done, one half
 # if nobody knows or it is less.
 Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
-def _while(parameters: Parameters, *inside: Any) -> Callable[[Sequence[Entries]], Turns]:
+def _while(parameters: Parameters, inside: Inside) -> Callable[[Sequence[Entries]], Turns]:
     first, more = parameters["cond_nconsts"], parameters["body_nconsts"]
-    going = _Inner(parameters["cond_jaxpr"], *inside, held=first)
-    body = _Inner(parameters["body_jaxpr"], *inside, held=more)
+    going = _Inner(parameters["cond_jaxpr"], inside, held=first)
+    body = _Inner(parameters["body_jaxpr"], inside, held=more)
 
     def turns(given: Sequence[Entries]) -> Turns:
         held, now = given[: first + more], given[first + more :]
@@ -305,12 +307,12 @@ def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
     return np.where(np.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
 
 
-def _scan(parameters: Parameters, *inside: Any) -> Callable[[Sequence[Entries]], Turns]:
+def _scan(parameters: Parameters, inside: Inside) -> Callable[[Sequence[Entries]], Turns]:
     if "ft_in" in parameters:  # newer JAX
         first, number, _ = map(len, parameters["ft_in"].unpack())
     else:
         first, number = parameters["num_consts"], parameters["num_carry"]
-    body, length, last = _Inner(parameters["jaxpr"], *inside, held=first), parameters["length"], first + number
+    body, length, last = _Inner(parameters["jaxpr"], inside, held=first), parameters["length"], first + number
     if not length:
         raise NoRuleError
 

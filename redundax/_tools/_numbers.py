@@ -196,13 +196,18 @@ def while_loop(going: Callable[[T], Numeric], body: Callable[[T], T], start: T) 
     if not are_numbers(start):
         return jax.lax.while_loop(going, body, start)
     while np.any(flag := going(start)):
-        start = body(start) if np.ndim(flag) == 0 else jax.tree.map(partial(chosen_of, flag), body(start), start)
+        start = body(start) if np.ndim(flag) == 0 else chosen_of(flag, body(start), start)
     return start
 
 
-def chosen_of(flag: Numeric, yes: Numeric, no: Numeric) -> Numeric:
-    """`where` of a flag for each sample of a batch, or of one, and arrays with axes behind."""
-    return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
+def chosen_of(flag: Numeric, yes: T, no: T) -> T:
+    """`where` of a flag for each sample of a batch, or of one, and all arrays of two trees, with axes behind."""
+
+    def chosen(yes: Numeric, no: Numeric) -> Numeric:
+        behind = max(np.ndim(yes), np.ndim(no)) - np.ndim(flag)
+        return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * behind) if np.ndim(flag) else flag, yes, no)
+
+    return jax.tree.map(chosen, yes, no)
 
 
 def or_one(size: Numeric) -> Numeric:

@@ -60,4 +60,4 @@ def test_the_pick_is_that_of_the_null_space(four_bar, redundancy):
         assert excess < 1e-12
         got = pick.columns(jnp.asarray(multipliers), jnp.asarray(misfit))
         np.testing.assert_allclose(got, truth, rtol=0, atol=1e-10 * np.abs(truth).max())
-        held, _ = factor.renewed(held)
+        held, _ = factor.renewed()

@@ -23,7 +23,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MAX_FILE_LINES = 600
 MAX_FUNCTION_LINES = 80  # without the docstring
-MAX_ANY = 153  # annotations that say `Any`; to be lowered with what is reached
+MAX_ANY = 39  # annotations that say `Any`; to be lowered with what is reached
 MAX_PARAMETERS, MAX_OF_CONSTRUCTORS = 8, 12
 MAX_IMPORT_SECONDS = 20.0
 # Public functions of more arguments, all of them with defaults and by name, and where they stand.

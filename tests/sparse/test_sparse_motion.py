@@ -36,7 +36,7 @@ def test_what_a_motion_holds_keeps_its_derivatives():
         mechanism = rx.mechanisms.doubled_four_bar(coupler_mass=(mass, 1.0)).sparse()
         state = mechanism.state(0.8, rate=1.0)
         held, _ = hold_sparse(mechanism, state, jnp.asarray(11))
-        renewed, _ = held.factorised(mechanism, state).renewed(held)
+        renewed, _ = held.factorised(mechanism, state).renewed()
         return jnp.max(renewed.inverse_mass[:, 0, 0])
 
     assert jax.grad(held_on)(0.1) == pytest.approx(-100.0, rel=1e-12)
