@@ -41,7 +41,7 @@ from ._radau_solver import Radau
 from ._slip import no_plan
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
-from ._stick import Mode, next_mode
+from ._stick import Mode, next_mode, within_limits
 from ._stiffness import STIFF, Watched
 from ._tangent import in_tangent
 from ._times import in_order, within
@@ -369,8 +369,11 @@ def _solved(
             turned = there.turned(linear.rate, sense, jnp.zeros((), bool))
             sense = jnp.where(there.directions.directed, turned, sense)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
-        loads = tuple(nan_where(resting, x) for x in (solved.multipliers, solved.tau))
-        does = None if touch is None else _does(there, touch, solved.multipliers)
+        multipliers, tau = (
+            within_limits(there, state, linear, solved) if there.has_sense else (solved.multipliers, solved.tau)
+        )
+        loads = tuple(nan_where(resting, x) for x in (multipliers, tau))
+        does = None if touch is None else _does(there, touch, multipliers)
         return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), (found, does)
 
     touch, touches = (None, None) if done.contacts is None else (done.contacts.touch, done.contacts.path)

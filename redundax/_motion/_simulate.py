@@ -135,7 +135,8 @@ def simulate(
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
     more joints stick than need to while others move, their friction is the least that holds, as of contacts equally
-    compliant; it is NaN at rest. `contacts` and `impacts` tell what one-sided contacts did. Where teeth pull at any of
+    compliant; where that is more than one can have, others have more, and derivatives of friction and loads are NaN. It
+    is NaN at rest. `contacts` and `impacts` tell what one-sided contacts did. Where teeth pull at any of
     the times its `pulling` names them, and a warning does as in `solve`.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`

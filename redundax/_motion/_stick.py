@@ -29,14 +29,17 @@ from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._state import State
 from .._tools._module import batch_any
+from .._tools._no_answer import nan_where, without_derivative
 from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
 from ._linear import AnyLinear, Holding, Linear, least_friction
-from ._moving import STILL, Equations, tolerance_of
+from ._moving import STILL, Equations, Solved, tolerance_of
 
 # Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
 # have settled it; each with the roundings that it is at least.
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
+# Part of what friction could do that holds a joint for sure: ten times what sweeps leave.
+_EASY = 1e-9, 1e4
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
 # Part of the speed of the mechanism that no joint has which a driver did not set off: it errs in the dense output of a
@@ -90,7 +93,11 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    enough = jnp.maximum(held * size, least)  # where no load pulls along slips, parts are rounding
+    enough = held * size
+    if isinstance(linear, Linear):  # where no load pulls along slips, these parts are rounding
+        most = jnp.maximum(*map(jnp.abs, limits))
+        caused_at_most = equations.slip_size * (jnp.abs(linear.yields) @ most)
+        enough = jnp.maximum(enough, tolerance_of(_EASY, linear.rate) * caused_at_most)
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
         pulled = jnp.abs(acceleration) * equations.slip_size
@@ -129,17 +136,47 @@ def _prescribed(
     return still, linear._replace(slip=jnp.where(free | begins, linear.slip, 0.0))
 
 
-def sticking_friction(
-    equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
-) -> Holding:
-    """Friction of joints that stick or start to slip, if wanted, and of those that slip."""
-    return _at_rest(equations, state, linear, still, wanted)[0]
+def within_limits(
+    equations: Equations, state: State, linear: AnyLinear, solved: Solved
+) -> tuple[Float[Array, " m"], Float[Array, " p"]]:
+    """Multipliers and friction, where joints that stick have no more than they can: the least that holds them may be
+    more than one has as others have less. Others then do what it cannot, by which there is no derivative."""
+    still, given = equations.sticking, (solved.multipliers, solved.tau)
+    if solved.tau.size < 2:
+        return given
+    fixed, state, linear, (multipliers, tau) = stop_gradient((equations, state, linear, given))
+    rows = load_rows(fixed.system.friction)
+    law = Law.of(fixed.system, jnp.where(still, 0.0, linear.rate), fixed.sense, state)
+    low, high = law.limits(multipliers[rows], still)
+    few = tolerance_of(_SETTLED, tau) * jnp.max(jnp.abs(jnp.where(still, high - low, 0.0)))
+    over = still & ((tau > high + few) | (tau < low - few))
+    begin = jnp.clip(tau, low, high)
+    if fixed.directions is not None:
+        most = low - few, high + few
+        over = jnp.where(fixed.directions.directed, _follows(fixed.directions, tau, most, still), over)
+        begin = jnp.zeros_like(tau)
+    wanted, response = jnp.any(over & still), linear.response
+    shifted = linear._replace(slip=linear.slip + linear.yields @ begin)
+
+    def limits(caused: Array) -> tuple[Array, Array]:
+        low, high = law.limits(response.at(begin).multipliers[rows] + caused, still)
+        return low - begin, high - begin
+
+    def held() -> tuple[Array, Array]:
+        tolerance = tolerance_of(_HELD, tau), tolerance_of(_SETTLED, tau)
+        more = shifted.sticking(rows, limits, still, fixed.slip_size, tolerance, fixed.directions, wanted)
+        friction = nan_where(~more.found, begin + more.tau)
+        return response.at(friction).multipliers, friction
+
+    within = jax.lax.cond(batch_any(wanted), held, lambda: (multipliers, tau))
+    change = jax.tree.map(lambda a, b: jnp.where(wanted, a - b, 0.0), within, (multipliers, tau))
+    return jax.tree.map(lambda a, b: without_derivative(wanted, a + b), given, change)
 
 
 def _at_rest(
     equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> tuple[Holding, tuple[Array, Array]]:
-    """`sticking_friction`, and the limits of friction."""
+    """Friction of joints that stick or start to slip, if wanted, and of those that slip, and its limits."""
     rows, rate, directions = load_rows(equations.system.friction), linear.rate, equations.directions
     rho0 = linear.response.free.multipliers[rows]
     if directions is not None:  # at rest, so that senses count
@@ -151,8 +188,9 @@ def _at_rest(
 
     tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
     found = linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)
-    none = jnp.zeros_like(rate)
-    return found, (none, none) if directions is None else limits(linear.response.unit.multipliers[rows] @ found.tau)
+    if not isinstance(linear, Linear):
+        return found, (jnp.zeros_like(rate), jnp.zeros_like(rate))
+    return found, limits(linear.response.unit.multipliers[rows] @ found.tau)
 
 
 def _held_by(

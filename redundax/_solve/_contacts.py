@@ -74,11 +74,12 @@ def as_held(system: AbstractSystem, kept: Bool[Numeric, " m"]) -> AbstractSystem
 
 class _Step(NamedTuple):
     """The active set on its way: contacts whose row is kept, those whose tied rows are, and those left out of sets that
-    had no solution."""
+    had no solution; and whether sets went round."""
 
     loaded: Bool[Array, " c"]
     rolling: Bool[Array, " c"]
     parted: Bool[Array, " c"]
+    went_round: Bool[Array, ""]
     changes: Int[Array, ""]
     goes_on: Bool[Array, ""]
     settled: Bool[Array, ""]
@@ -170,7 +171,8 @@ def active_set(
         first, last = xp.argmax(wrong > 0), rows.size - 1 - xp.argmax(wrong[::-1] > 0)
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.where(step.changes < half, first, last))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
-        again = (step.changes < half) & xp.where(xp.any(flip), step.changes == half - 1, jams)  # from none
+        went_round = step.went_round | (xp.any(flip) & (step.changes == half - 1))
+        again = (step.changes < half) & xp.where(xp.any(flip), went_round, jams)  # from none
         loaded = (step.loaded ^ flip) & ~again
         # What is tied goes with its row as that changes, and, where none does, stays with contacts that touch.
         touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
@@ -181,11 +183,12 @@ def active_set(
         changes = xp.where(again & ~settled, half, step.changes + xp.where(settled, 0, 1))
         loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
         parted = (step.parted | (flip & jams)) & ~again
-        return _Step(loaded, rolling, parted, changes, ~settled & (changes < 2 * half), settled, does, decided)
+        goes_on, settled = ~settled & (changes < 2 * half), settled & ~(went_round & jams)
+        return _Step(loaded, rolling, parted, went_round, changes, goes_on, settled, does, decided)
 
     start = asked.loaded, xp.where(asked.lets_go, asked.loaded, closed) & xp.asarray(has_tied)
     none, yes = xp.zeros((), int), xp.ones((), bool)
-    begin = _Step(*start, closed & ~closed, none, yes, ~yes, xp.zeros(rows.size, int), closed)
+    begin = _Step(*start, closed & ~closed, ~yes, none, yes, ~yes, xp.zeros(rows.size, int), closed)
     end = while_loop(lambda step: step.goes_on, body, begin)
     kept = rows_that_hold(names, end.loaded, end.rolling)
     return stop_gradient(ActiveSet(kept, end.changes, end.settled, end.contacts, end.decided))

@@ -51,3 +51,18 @@ def test_laws_hold_whatever_contacts_do(seed, count):
     np.testing.assert_allclose(np.where(slides, tau, 0.0), np.where(slides, -mu * push * np.sign(slip), 0.0), atol=1e-6)
     lifts = (y[:, None] + up > 1e-7) | (v[:, None] + spin[:, None] * across > 1e-6)
     assert np.all(np.where(lifts, push, 0.0) < 1e-7)
+
+
+def test_feet_that_stick_on_a_slope_have_no_more_friction_than_they_can():
+    """The lower carries more; half of the pull each, as the least that holds would be, is more than the upper can."""
+    slope, mu, mass = 0.3, 0.4, 2.0
+    ahead = {"point_j": (0.0, 0.0), "normal": (0.0, 1.0), "friction": rx.Coulomb(mu), "one_sided": True}
+    feet = [rx.PinInSlot(name, "box", "ground", (x, -0.5), **ahead) for name, x in (("lower", -0.3), ("upper", 0.3))]
+    weight = mass * 9.81 * np.array([np.sin(slope), np.cos(slope)])
+    box = rx.Mechanism([rx.Body("box", mass, 0.3)], feet, gravity=tuple(-weight / mass))
+    run = rx.simulate(box, rx.State([0.0, 0.5, 0.0], np.zeros(3)), 0.5)
+    push = weight[1] / 2 + weight[0] * 0.5 / 0.6 * np.array([1.0, -1.0])
+    assert weight[0] / 2 > mu * push[1]
+    np.testing.assert_allclose(run.multipliers[-1], push, rtol=1e-9)
+    np.testing.assert_allclose(run.friction[-1], [weight[0] - mu * push[1], mu * push[1]], rtol=1e-9)
+    np.testing.assert_allclose(run.q[-1], [0.0, 0.5, 0.0], atol=1e-12)

@@ -105,6 +105,21 @@ def test_a_load_that_grows_lets_a_block_go():
     np.testing.assert_allclose(ends.stats.end, changes[1], rtol=0, atol=1e-8)
 
 
+def test_a_light_load_lets_a_block_go_beside_a_wheel_that_spins():
+    """As in orbit: the speed of the wheel tells nothing of how little the block needs to set off."""
+    mass, mu, gravity, force = 2.0, 0.2, 5e-6, 2.04e-6
+    guide = rx.Translational(
+        "guide", "block", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), guide_length=0.5, friction=rx.Coulomb(mu)
+    )
+    axle = rx.Revolute("axle", "wheel", "ground", (0.0, 0.0), (0.0, 0.0))
+    pull = rx.AppliedForce("block", (force, 0.0))
+    bodies = [rx.Body("block", mass, 1.0), rx.Body("wheel", 1.0, 1.0)]
+    mechanism = rx.Mechanism(bodies, [guide, axle], gravity=(0.0, -gravity), loads=[pull])
+    motion = rx.simulate(mechanism, rx.State(jnp.zeros(6), jnp.zeros(6).at[5].set(300.0)), 100.0, ts=[100.0])
+    truth = (force / mass - mu * gravity) * 100.0**2 / 2
+    np.testing.assert_allclose(motion["block.x"], [truth], rtol=1e-7)
+
+
 @slow
 def test_a_motion_out_of_phases_says_so():
     """The first phase is the rest."""
