@@ -154,8 +154,7 @@ def _closed(system: AbstractSystem, q: Array, qd: Array, t: Array) -> Bool[Array
 
 def _overlaps(system: AbstractSystem, path: Path, rows: list[int]) -> Float[np.ndarray, "times rows"]:
     """Minus the gaps of contacts along a motion, relative to the size of the system."""
-    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
-    return np.asarray(at)[:, rows] / np.asarray(path.scale.rows)[rows] / float(path.scale.size)
+    return np.asarray(path.scale.violations(_constraints(system.anonymous, jnp.asarray(path.q), path.t)))[:, rows]
 
 
 @as_program

@@ -19,4 +19,4 @@ def overlaps(system: AbstractSystem, state: State) -> Float[Array, " contacts"]:
     """Minus the gaps of contacts, relative to the size of the system."""
     model = model_of_all(system, state)
     scales = scaling(system, model)
-    return take(model.motion.value / scales.rows, np.array(system.names.one_sided, int)) / scales.size
+    return take(scales.violations(model.motion.value), np.array(system.names.one_sided, int))

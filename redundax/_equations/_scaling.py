@@ -37,6 +37,10 @@ class Scaling(NamedTuple):
     length: Float[Array, ""]
     size: Float[Array, ""]
 
+    def violations(self, values: Float[Array, "*times m"]) -> Float[Array, "*times m"]:
+        """Values of constraints relative to the size of the mechanism; those of contacts are minus their gaps."""
+        return values / self.rows / self.size
+
 
 def largest_violation(dtype: DTypeLike) -> float:
     """How far off the manifold a state may be, relative to the size of the mechanism: 1e-6 in float64."""

@@ -210,7 +210,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     load = system.load(state)
     motion, explicit, turned = second_order(system, state)
     scales = sparse_scaling(system, rows.slopes, masses, turned)
-    position = jnp.max(jnp.abs(motion.value) / scales.rows) / scales.size
+    position = jnp.max(jnp.abs(scales.violations(motion.value)))
     row_scale = unit_rows(rows)
     scaled = rows.scaled(row_scale)
     kept, spectrum, growth = decided(scaled, jax.lax.stop_gradient(position), rank)

@@ -32,8 +32,8 @@ from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import are_known, cond, entries_set, scan, stop_gradient, take, xp
-from ._moving import NONE, Equations, Touch, tolerance_of
+from .._tools._numbers import are_known, cond, entries_set, scan, stop_gradient, take, tolerance_of, xp
+from ._moving import NONE, Equations, Touch
 from ._rubbing import AtInstant, Instant, at_instant
 from ._stick import Mode
 from ._touch import GAP, TAKEN
@@ -104,7 +104,7 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     model, rows = model_of_all(system, state), np.array(system.names.one_sided)
     jacobian, scales = model.jacobian, scaling(system, model)
     rate = take(model.motion.rate / scales.rows, rows)
-    gap = -take(model.motion.value / scales.rows, rows) / scales.size
+    gap = -take(scales.violations(model.motion.value), rows)
     near = (before.closed | (gap < before.near)) & ~(before.leaves & (gap > tolerance_of(GAP, gap)))
     slow = tolerance_of(NONE, rate) * equations.speed
     strikes = xp.any(near & (rate > slow))

@@ -30,11 +30,22 @@ from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import LARGE, are_numbers, as_numbers, as_program, chosen_of, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import (
+    LARGE,
+    are_numbers,
+    as_numbers,
+    as_program,
+    chosen_of,
+    on_numbers,
+    stop_gradient,
+    take,
+    tolerance_of,
+    xp,
+)
 from .._tools._value import AbstractModule
 from ._controller import Controller, told_apart
 from ._held_rank import AnyHeld, hold
-from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
+from ._moving import STILL, Equations, Moving, Touch, rechart
 from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
 from ._project import project
 from ._radau_solver import Radau
@@ -193,7 +204,7 @@ def _with_contacts(
     system, ts = equations.system, before.path.work
     rows, none, model = np.array(system.names.one_sided), before.t != before.t, model_of_all(system, state)
     which = take(have_no_gap(model, equations.scaling), rows)
-    gap = take(-model.motion.value / equations.scaling.rows, rows) / equations.scaling.size
+    gap = -take(equations.scaling.violations(model.motion.value), rows)
     holds = xp.asarray(~system.names.is_one_sided)
     touch = Touch(holds, which & none, rank, equations.sense != equations.sense, xp.zeros_like(gap))
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)

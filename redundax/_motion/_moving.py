@@ -37,8 +37,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import Numeric, are_numbers, as_numbers, stop_gradient, xp
-from .._tools._numbers import tolerance_of as tolerance_of
+from .._tools._numbers import Numeric, are_numbers, as_numbers, stop_gradient, tolerance_of, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
 from ._linear import AnyLinear, Asked, Linear

@@ -19,19 +19,19 @@ from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._no_answer import without_second_derivatives
-from .._tools._numbers import are_known, are_numbers, as_program, chosen_of, cond, stop_gradient, take, xp
+from .._tools._numbers import are_known, are_numbers, as_program, chosen_of, cond, stop_gradient, take, tolerance_of, xp
 from ._controller import Controller
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
 from ._linear import Linear, least_friction
-from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
+from ._moving import STILL, Context, Equations, Moving, Touch
 from ._project import project
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
 from ._stepper import Begin, Diagnostics, Stepper
 from ._stick import Mode
 from ._times import within
-from ._touch import Hit, arrived, no_hit, overlaps
+from ._touch import Hit, arrived, no_hit, open_overlaps
 from ._walk import Walk, walk
 
 # Steps that are kept at most where going forth and back are computed apart, and of how many coordinates together.
@@ -169,7 +169,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     if contacts is not None:  # rows that were let go may have held it off those that hold from here on
         y = project(equations.system, now.t, y, now.held)
         y = chosen_of(mode.resting, now.y, y)
-        touch = contacts.touch._replace(overlap=overlaps(equations, now.t, y))
+        touch = contacts.touch._replace(overlap=open_overlaps(equations, now.t, y))
         contacts, equations = contacts._replace(touch=touch), equations.with_touch(touch)
     args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
     walked = _steps(stepper, options, span, y, args, ts)
@@ -191,7 +191,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     return PhaseState(
         t=t,
         y=y,
-        mode=carried.mode,
+        mode=carried.mode_along(equations),
         held=carried.held,
         since=carried.since,
         plan=plan,

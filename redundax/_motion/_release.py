@@ -34,9 +34,9 @@ from numpy.polynomial import legendre
 from .._system._directions import Directions
 from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import chosen_of, stop_gradient
+from .._tools._numbers import chosen_of, stop_gradient, tolerance_of
 from ._linear import Linear, least_friction
-from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Moving, rechart
 from ._project import project
 from ._slip import has_event
 from ._touch import margins

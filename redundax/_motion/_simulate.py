@@ -122,8 +122,7 @@ def simulate(
     approach begins with an impact. Dry friction has an impulse, by the coefficient of a joint at rest and against the
     slip that the impact leaves; what rests beside contacts goes on as `RESULTS.successful`. Bristles, and friction of
     your own by loads, have no law of impulses: a motion ends as `RESULTS.impulse_unknown` at an impact that loads them.
-    Friction of sleeves, balls, plates and points on planes is taken beside contacts if it is that of contacts, and
-    matrices must be dense.
+    Matrices must be dense beside contacts.
 
     Of large mechanisms, whose matrices are sparse, friction that holds joints is sought among as many directions as
     they have freedoms, each of which costs one solution. Dry sleeves, balls, plates and points on planes need dense
@@ -213,13 +212,6 @@ def _restitution(
         f"Argument `system` must have dense matrices, as it has one-sided contacts, {contacts}. Simulate "
         "`mechanism.sparse(False)`."
     )
-    directed = zip(system.slips.labels, have_direction(system.friction), strict=True)
-    if {label.rpartition(".")[0] for label, is_directed in directed if is_directed} - {*names.contacts}:
-        raise RedundaxError(
-            "Argument `system` must have no friction of sleeves, balls, plates and points on planes beside one-sided "
-            f"contacts, {contacts}, but that of contacts themselves, and has: its impulse in impacts is not known. "
-            "Leave it out, or give contacts that stay closed without `one_sided`."
-        )
     if not stabilisation.projects or rank is not None:
         raise RedundaxError(
             f"Arguments `stabilisation` and `rank` must be left out where there are one-sided contacts, {contacts}: "

@@ -30,9 +30,9 @@ from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import batch_any, or_zeros
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import chosen_of, xp
+from .._tools._numbers import chosen_of, tolerance_of, xp
 from ._linear import AnyLinear, least_friction
-from ._moving import NONE, Context, Equations, Moving, Solved, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Moving, Solved, rechart
 from ._stick import Mode, mode_at, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.

@@ -25,10 +25,10 @@ from jaxtyping import Array, Bool, Float, PyTree
 from .._equations._kinematics import velocity
 from .._system._state import State
 from .._tools._module import replace_fields
-from .._tools._numbers import chosen_of, stop_gradient, xp
+from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
+from ._moving import Context, Equations, Moving, Solved, rechart
 from ._project import CLOSED, project
 from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
@@ -110,6 +110,12 @@ class Carried(NamedTuple):
     def context(self) -> Context:
         """What stays the same within a step."""
         return Context(self.held, self.mode.tau, self.mode.resting, self.along)
+
+    def mode_along(self, equations: Equations) -> Mode:
+        """How it moves, with the directions in which surfaces slide by now for those of the first step."""
+        if equations.directions is None or self.along is None:
+            return self.mode
+        return self.mode._replace(sense=jnp.where(equations.directions.directed, self.along, self.mode.sense))
 
 
 class Stepper(diffrax.AbstractWrappedSolver):

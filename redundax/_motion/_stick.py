@@ -30,10 +30,10 @@ from .._system._friction import load_rows
 from .._system._state import State
 from .._tools._module import batch_any
 from .._tools._no_answer import nan_where, without_derivative
-from .._tools._numbers import stop_gradient
+from .._tools._numbers import stop_gradient, tolerance_of
 from ._held_rank import AnyHeld
 from ._linear import AnyLinear, Holding, Linear, least_friction
-from ._moving import STILL, Equations, Solved, tolerance_of
+from ._moving import STILL, Equations, Solved
 
 # Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
 # have settled it; each with the roundings that it is at least.

@@ -23,9 +23,9 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import along_motion
 from .._solve._contacts import OUTSIDE
-from .._tools._numbers import as_program, chosen_of, or_one, xp
+from .._tools._numbers import as_program, chosen_of, or_one, tolerance_of, xp
 from ._held_rank import HeldFactorisation, factorize_held
-from ._moving import NONE, Context, Equations, Moving, Touch, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Moving, Touch, rechart
 from ._project import CLOSED
 from ._scalars import Scalar
 
@@ -82,11 +82,11 @@ def no_hit(touch: Touch, like: Scalar) -> Hit:
     return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
 
 
-def overlaps(equations: Equations, t: Array, y: Moving) -> Float[Array, " c"]:
+def open_overlaps(equations: Equations, t: Array, y: Moving) -> Float[Array, " c"]:
     """By how much contacts that do not hold overlap, relative to the size of the mechanism."""
-    system, scale, kept = equations.system, equations.scaling, equations.touching.kept
+    system, kept = equations.system, equations.touching.kept
     rows = np.array(system.names.one_sided)
-    value = system.opened(jnp.ones_like(kept)).constraint(y.q, t) / scale.rows / scale.size
+    value = equations.scaling.violations(system.opened(jnp.ones_like(kept)).constraint(y.q, t))
     return jax.lax.stop_gradient(jnp.where(kept, 0.0, jnp.maximum(value, 0.0))[rows])
 
 
@@ -98,7 +98,7 @@ def margins(
     rows, state, kept = np.array(system.names.one_sided), y.at(t), touch.kept
     every = system.opened(jnp.ones_like(kept))
     motion = along_motion(every, state)
-    gap, rate = -(motion.value / scale.rows)[rows] / scale.size, (motion.rate / scale.rows)[rows] / equations.speed
+    gap, rate = -scale.violations(motion.value)[rows], (motion.rate / scale.rows)[rows] / equations.speed
     factor = cast(HeldFactorisation, factorize_held(system, state, context.held))
     linear, fits = equations.fitted(state, context.held, factor)
     solved = equations.solved(state, linear, context.tau, context.along)

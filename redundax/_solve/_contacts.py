@@ -204,7 +204,7 @@ def contacts_at(system: AbstractSystem, state: State) -> tuple[Bool[Array, " c"]
 
 def have_no_gap(model: Model, scales: Scaling) -> Bool[Array, " m"]:
     """Which rows have none but what a state may be off the constraints: one decision of `solve` and of motions."""
-    value = model.motion.value / scales.rows / scales.size
+    value = scales.violations(model.motion.value)
     return value > -largest_violation(value.dtype)
 
 

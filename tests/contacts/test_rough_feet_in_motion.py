@@ -414,18 +414,3 @@ def test_a_table_tips_as_it_slides_until_its_feet_stick(mu, height, speed):
     assert run.status == 1 and np.all(np.asarray(motion.sense)[~slides][:, [0, 6]] == 0)
     for foot, word in (("f0", "carries"), ("f1", "open"), ("f2", "open"), ("f3", "carries")):
         assert set(motion.contacts[foot]) == {word}
-
-
-def test_friction_in_several_directions_beside_contacts_is_that_of_contacts():
-    """A foot that cannot lift has no law of impulses."""
-    top = rx.spatial.Body("top", MASS, inertia=(1.0, 1.2, SPIN), centre=(0.0, 0.0, HEIGHT))
-    held = rx.spatial.PointOnPlane("held", top, "ground", (0.0, 0.0, 0.0), (0, 0, 1), friction=rx.Coulomb(MU))
-    feet = [
-        rx.spatial.PointOnPlane(f"f{k}", top, "ground", (*at, 0.0), (0, 0, 1), one_sided=True)
-        for k, at in enumerate(TRIPOD)
-    ]
-    mechanism = rx.Mechanism([top], [*feet, held], gravity=(0.0, 0.0, -9.81))
-    with pytest.raises(
-        rx.RedundaxError, match=r"must have no friction of .* f0, f1, f2, but that of contacts themselves"
-    ):
-        rx.simulate(mechanism, rx.assemble(mechanism), 0.01)
