@@ -79,8 +79,7 @@ def simulate(
     - `state`: position, velocity and time at the start, on the constraint manifold and not in a singular position.
     - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
-      depends on load. Joints may have play, beside one-sided contacts too, without friction of sleeves, balls,
-      plates and points on planes.
+      depends on load. Joints may have play, beside one-sided contacts too.
     - `solver`: of time, not of friction as in `solve`: `Radau()` for stiff loads, or any diffrax solver of ordinary
       differential equations; implicit ones take their steps as `Radau` does. If not given `diffrax.Dopri8()`, until
       stability bounds its steps and `Radau()` takes over: not inside of transformations such as `jit` and `grad`, with
@@ -264,13 +263,10 @@ def _check(
             "are sparse, but has. Simulate `mechanism.sparse(False)`."
         )
     if closure.clearances(system) is not None:
-        refusal = (
-            "Argument `closure` may have play in motions of mechanisms with dense matrices alone, without friction of "
-            "sleeves, balls, plates and points on planes. Leave these out, or give it without `play`."
+        matrices_of(system).needs_dense(
+            "Argument `closure` may have play in motions of mechanisms with dense matrices alone. Simulate "
+            "`mechanism.sparse(False)`, or give it without `play`."
         )
-        if directed:
-            raise RedundaxError(refusal)
-        matrices_of(system).needs_dense(refusal)
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise RedundaxError(

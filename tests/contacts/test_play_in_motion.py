@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from sliding import check_slide
 
@@ -111,10 +112,52 @@ def test_loads_of_motions_with_play_in_batches_and_their_derivatives():
         np.testing.assert_allclose(slope, (np.array(beside) - value) / (side * 1e-4), rtol=1e-6, atol=1e-7)
 
 
-def test_what_motions_with_play_cannot_be_asked():
-    body = rx.spatial.Body("b", 1.0, (0.1, 0.1, 0.1))
-    ball = rx.spatial.Spherical("ball", body, "ground", (0.0, 0.0, 0.0), ball_radius=0.01, friction=rx.Coulomb(0.1))
-    hangs = rx.Mechanism([body], [ball])
-    joints = rx.ElasticJoints(hangs, {"ball": 1e-6}, play={"ball": 1e-5})
-    with pytest.raises(rx.RedundaxError, match="without friction of sleeves, balls"):
-        rx.simulate(hangs, rx.assemble(hangs), 1.0, closure=joints)
+def sledge_in_space(grows):
+    """The same on points on a plane, which could rub either way, between walls; its pull grows after 0.3 s."""
+    body = rx.spatial.Body("sledge", MASS, inertia=(0.2, 0.3, 0.4), centre=(0.0, 0.0, HIGH))
+    feet = [
+        rx.spatial.PointOnPlane(f"s{k}", body, "ground", (x, 0.0, 0.0), (0, 0, 1), friction=rx.Coulomb(MU))
+        for k, x in enumerate(PLACES)
+    ]
+    places = {"a": (0.0, 0.0, 0.0), "b": (1.0, 0.0, 0.0), "c": (0.0, 0.0, 1.0)}
+    walls = [rx.spatial.PointOnPlane(name, body, "ground", at, (0, 1, 0)) for name, at in places.items()]
+
+    def wrench(i, j, t, p):
+        along = ALONG + grows * jnp.maximum(t - 0.3, 0.0) ** 2
+        force = jnp.stack([along, 0.0 * t, -30.0 * jnp.cos(6.0 * t)])
+        moment = jnp.stack([0.0 * t, HIGH * along - 8.0 * jnp.sin(9.0 * t), 0.0 * t])
+        return rx.spatial.Wrench(force, moment), rx.spatial.Wrench(0.0 * force, 0.0 * moment)
+
+    mechanism = rx.Mechanism([body], [*feet, *walls], loads=[rx.spatial.LoadFunction("sledge", wrench)])
+    figures = enumerate(zip(SOFT, MISFIT, strict=True))
+    soft = [rx.spatial.JointCompliance(f"s{k}", w, misfit=(0, 0, d, 0, 0, 0)) for k, (w, d) in figures]
+    soft += [rx.spatial.JointCompliance(name, 1e-6) for name in places]
+    return mechanism, rx.ElasticJoints(mechanism, soft, play={f"s{k}": c for k, c in enumerate(PLAY)})
+
+
+@pytest.mark.slow
+def test_a_sledge_with_play_in_space_slides_to_a_stop():
+    mechanism, joints = sledge_in_space(0.0)
+    begin = rx.assemble(mechanism, rates={"sledge.x": 2.0})
+    motion = rx.simulate(mechanism, begin, 1.0, closure=joints, ts=np.linspace(0, 1, 21), rtol=1e-10)
+    slides = check_slide(motion, lambda t: (ALONG - MU * np.sum(np.abs(enumerated(t, MU)))) / MASS)
+    for k in np.flatnonzero(slides):
+        np.testing.assert_allclose(-motion.multipliers[k, :3], enumerated(float(motion.t[k]), MU), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_sledge_with_play_in_space_is_let_go_by_a_pull_that_grows():
+    """It rests until the pull is mu times all loads."""
+
+    def acceleration(t):
+        return (ALONG + 60.0 * max(t - 0.3, 0.0) ** 2 - MU * np.sum(np.abs(enumerated(t, MU)))) / MASS
+
+    mechanism, joints = sledge_in_space(60.0)
+    ts = np.linspace(0, 1, 21)
+    motion = rx.simulate(mechanism, rx.assemble(mechanism), 1.0, closure=joints, ts=ts, rtol=1e-10)
+    assert max(acceleration(t) for t in np.linspace(0.0, 0.6, 601)) < 0 < acceleration(0.65)
+    goes: Any = brentq(acceleration, 0.6, 0.65, xtol=1e-15)
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "max_step": 1e-3, "dense_output": True}
+    run = solve_ivp(lambda t, _: [acceleration(t)], (goes, 1.0), [0.0], **exact)
+    speeds = [run.sol(max(t, goes))[0] for t in ts]
+    np.testing.assert_allclose(motion.qd[:, 0], speeds, rtol=0, atol=2e-9)
