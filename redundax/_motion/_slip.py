@@ -32,7 +32,7 @@ from .._tools._module import batch_any, or_zeros
 from .._tools._no_answer import without_derivative
 from .._tools._numbers import chosen_of, xp
 from ._linear import AnyLinear, least_friction
-from ._moving import NONE, Context, Equations, Moving, Solved, rechart, tolerance_of
+from ._moving import NONE, STILL, Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._stick import Mode, mode_at, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
@@ -191,9 +191,10 @@ class Step(NamedTuple):
 
 # Part of the step by which it ends later than the event found, so that no time asked for lies between.
 _LATER = 2.0**-40
-# What is done next: look, halve the bracket, take h a little after and before, ask for the direction of what holds at
-# the event, as looks find a release late by a tolerance, take h there, or see what stops there.
-_LOOK, _HALVE, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(8)
+# What is done next: look, halve the bracket, see before a stop that Newton's method told whether joints were let go
+# earlier, take h a little after and before, ask for the direction of what holds at the event, as looks find a release
+# late by a tolerance, take h there, or see what stops there.
+_LOOK, _HALVE, _EARLIER, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(9)
 
 
 class _Looking(NamedTuple):
@@ -226,12 +227,13 @@ def look(
 
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
-        looks, halves = stage == _LOOK, stage == _HALVE
+        looks, halves, earlier = stage == _LOOK, stage == _HALVE, stage == _EARLIER
         ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.turn + 1) / _LOOKS)
         after, held, at_root, cut = (stage == kind for kind in (_AT, _HELD, _THERE, _CUT))
         at_event = held | at_root | cut
-        t = jnp.select([ends, looks, halves, at_event, after], [step.end, wait, now.aim, high, beyond], short)
+        aims = halves | earlier
+        t = jnp.select([ends, looks, aims, at_event, after], [step.end, wait, now.aim, high, beyond], short)
         y = chosen_of(ends, step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, jnp.where(held, step.trial, now.trial), step.lands | cut)
         there, go = found.there, _released(equations, found.there)
@@ -242,7 +244,7 @@ def look(
         late = jnp.where(over, found.against, 0.0)
         event = jnp.where(waits, ~there.resting, _is_event(equations, there, found.against)) & ~step.lands
         moves = waits & event & ~jnp.any(go)  # what no friction held
-        later = jnp.where(looks, event, halves & (jnp.any(go) | jnp.any(late > 0)))
+        later = jnp.where(looks, event, aims & (jnp.any(go) | (halves & jnp.any(late > 0))))
         stops = jnp.any(late > 0)
         joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
         mode = there._replace(sense=_let_go(equations, there, there.tau), resting=jnp.zeros((), bool))
@@ -269,15 +271,16 @@ def look(
             )
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
-        aim, first, told = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
+        aim, first, told, ahead = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
         told = halves & told
         time, joint = jnp.where(told, aim, plan.time), jnp.where(told, first, plan.joint)
-        plan = plan._replace(time=time, joint=joint)
-        halvable = now.turn + 1 < _HALVINGS
-        after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
+        plan, asks = plan._replace(time=time, joint=joint), told & (ahead > low)
+        aim, halvable = jnp.where(asks, ahead, aim), now.turn + 1 < _HALVINGS
+        after_half = jnp.select([asks, told, halvable], [_EARLIER, _THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
+        after_ask = jnp.where(later, _HALVE, _THERE)
         release = _THERE if equations.directions is None else _HELD
-        nexts = [after_look, after_half, jnp.where(others, _AT, _BEFORE), release, _THERE]
-        following = jnp.select([looks, halves, after, before, held], nexts, _DONE)
+        nexts = [after_look, after_half, after_ask, jnp.where(others, _AT, _BEFORE), release, _THERE]
+        following = jnp.select([looks, halves, earlier, after, before, held], nexts, _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
@@ -359,10 +362,10 @@ def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]
 
 def _by_newton(
     equations: Equations, plan: Plan, at: tuple[Array, Seen, Bool[Array, " p"]], known: tuple[Array, Array]
-) -> tuple[Array, Array, Bool[Array, ""]]:
+) -> tuple[Array, Array, Bool[Array, ""], Array]:
     """When to look next for an event before that of the plan: where Newton's method from what was seen at a time has
     the first of the joints that stop, or halfway where it leaves the bracket; that joint, and whether the time moves by
-    little. `known` are the start of the bracket and what is little."""
+    little; and when it does not count as still yet. `known` are the start of the bracket and what is little."""
     (t, found, over), (low, little) = at, known
     rate, slip = found.rate, found.solved.slip
     roots = jnp.where(over, t - rate / jnp.where(slip != 0, slip, 1.0), jnp.inf)
@@ -373,7 +376,9 @@ def _by_newton(
         sound = sound & ~jnp.any(over & jnp.asarray(directions.directed))
     told = sound & (jnp.abs(root - t) <= little)
     aim = jnp.where(told | (sound & (low < root) & (root < plan.time)), root, (low + plan.time) / 2)
-    return aim, jnp.argmin(roots), told
+    first, slow = jnp.argmin(roots), tolerance_of(STILL, rate) * equations.speed / equations.slip_size
+    near = 2 * slow[first] / jnp.where(slip[first] != 0, jnp.abs(slip[first]), 1.0)
+    return aim, first, told, root - jnp.maximum(near, little)
 
 
 class Landing(NamedTuple):

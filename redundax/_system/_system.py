@@ -360,7 +360,12 @@ class System(AbstractSystem):
         velocity_constraints: Callable[..., Array] | None = None,
         length: ArrayLike | None = None,
     ):
-        if constraint is None and velocity_constraints is not None:
+        if constraint is None:
+            if velocity_constraints is None:
+                raise RedundaxError(
+                    "Argument `constraint` must be a function where there are no `velocity_constraints`, but is None. "
+                    "Give `(q, t, parameters) -> residuals`, of one row at least."
+                )
             constraint = no_positions
         for argument, function, given in (
             ("constraint", constraint, ("q", "t", "parameters")),

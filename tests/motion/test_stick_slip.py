@@ -85,6 +85,18 @@ def test_a_driver_that_dwells_sets_off_again_against_friction(wait):
     np.testing.assert_allclose(run["d.distance"], -mass * (change + mu * 9.81 * way), rtol=1e-9)
 
 
+def test_a_block_is_let_go_before_another_stops_in_the_same_step():
+    """Friction is 1 N. One slides from 0.99 m/s to its stop at 0.99 s; a force 1.2 N/s t lets the other go at 5/6 s."""
+    friction = rx.Friction(lambda q, t, p: q[:2], lambda *given: -given[2], [], ["linear"] * 2)
+    pull = lambda q, qd, t, p: jnp.stack([0.0 * t, 1.2 * t, 0.0 * t])  # noqa: E731
+    system = rx.System(lambda q, t, p: q[2:], jnp.ones(3), pull, friction=friction)
+    run = rx.simulate(system, rx.State(jnp.zeros(3), [0.99, 0.0, 0.0]), 2.0, ts=np.linspace(0.0, 2.0, 21))
+    slides, since = np.minimum(run.t, 0.99), np.maximum(run.t - 5 / 6, 0.0)
+    np.testing.assert_allclose(run.q[:, 0], 0.99 * slides - slides**2 / 2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.q[:, 1], 0.2 * since**3, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.friction[:, 1], -np.minimum(1.2 * run.t, 1.0), rtol=0, atol=1e-9)
+
+
 @slow
 def test_a_reversal_soon_after_the_start_of_a_long_step(step=300.0):
     """Under 1.5 N - t against 1 N it slips from 0 to 1 s, by t^2 / 4 - t^3 / 6, sticks to 2.5 s, and slips back."""
