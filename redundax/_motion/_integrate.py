@@ -39,7 +39,7 @@ from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
 from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
 from ._project import project
 from ._radau_solver import Radau
-from ._slip import no_plan
+from ._slip import LOOKS, no_plan
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
 from ._stick import Mode, next_mode, within_limits
@@ -111,6 +111,7 @@ def _integrate(
         course.max_phases,
         tolerance,
         ts,
+        xp.where(whole > 0, whole, 1.0) / LOOKS,
         course.restitution,
     )
     before = _before(equations, state, held, ts)
