@@ -1,5 +1,6 @@
 """A motion: its start, its phases, and what is given at the times asked for."""
 
+import traceback
 from functools import partial
 
 import diffrax
@@ -49,7 +50,7 @@ from ._moving import STILL, Equations, Moving, Touch, rechart
 from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
 from ._project import project
 from ._radau_solver import Radau
-from ._slip import no_plan
+from ._slip import LOOKS, no_plan
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
 from ._stick import Mode, next_mode, within_limits
@@ -121,6 +122,7 @@ def _integrate(
         course.max_phases,
         tolerance,
         ts,
+        xp.where(whole > 0, whole, 1.0) / LOOKS,
         course.restitution,
     )
     before = _before(equations, state, held, ts)
@@ -172,7 +174,7 @@ _forward, _reverse = (
 
 
 # What JAX says where derivatives are asked for in the other mode.
-_OTHER_MODE = "custom_vjp", "Linearization failed", "Reverse-mode"
+_OTHER_MODE = "custom_vjp", "Linearization failed", "Reverse-mode", "compiler_options"
 
 
 def integrate(
@@ -186,14 +188,22 @@ def integrate(
         ways = _reverse
     try:
         return matrices_of(system).run(*ways)(system, state, factor, closure, course)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, RedundaxError) or not any(words in str(error) for words in _OTHER_MODE):
+    except (AssertionError, TypeError, ValueError) as error:
+        if isinstance(error, RedundaxError) or not _is_of_other_mode(error):
             raise
         raise RedundaxError(
             f"Argument `adjoint` must fit how derivatives are taken, but is {type(course.adjoint).__name__}. Give "
             "`diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`, and for second derivatives, by `jax.jacfwd` of "
             "`jax.jacfwd`; leave it out for `jax.grad`. Reverse mode takes first derivatives alone."
         ) from error
+
+
+def _is_of_other_mode(error: Exception) -> bool:
+    """Whether JAX says so; in batches of `jax.hessian` by an assertion without words, which is no user's."""
+    if isinstance(error, AssertionError):
+        *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+        return frame.f_globals["__name__"].partition(".")[0] in ("jax", "equinox", "redundax")
+    return any(words in str(error) for words in _OTHER_MODE)
 
 
 def _with_contacts(

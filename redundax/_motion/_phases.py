@@ -41,8 +41,8 @@ _MOST = 1024
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the most steps and phases, the tolerance of a step, the times asked for, and the
-    restitution of one-sided contacts."""
+    """Arguments of diffrax, the most steps and phases, the tolerance of a step, the times asked for, how far looks at
+    joints are at most, and the restitution of one-sided contacts."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -53,6 +53,7 @@ class Options(NamedTuple):
     max_phases: int
     tolerance: Array
     ts: Float[Array, " times"]
+    apart: Array
     restitution: Float[Array, " c"] | None
 
 
@@ -171,7 +172,8 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         y = chosen_of(mode.resting, now.y, y)
         touch = contacts.touch._replace(overlap=open_overlaps(equations, now.t, y))
         contacts, equations = contacts._replace(touch=touch), equations.with_touch(touch)
-    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
+    begin = Begin(mode, now.since, now.held, now.plan, lands, controller.end, options.apart)
+    args = equations.with_sense(sense), context, begin
     walked = _steps(stepper, options, span, y, args, ts)
     t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control
     here = (options.ts >= now.t) & (options.ts <= t)

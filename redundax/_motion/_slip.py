@@ -32,11 +32,11 @@ from .._tools._module import batch_any, or_zeros
 from .._tools._no_answer import without_derivative
 from .._tools._numbers import chosen_of, tolerance_of, xp
 from ._linear import AnyLinear, least_friction
-from ._moving import NONE, Context, Equations, Moving, Solved, rechart
+from ._moving import NONE, STILL, Context, Equations, Moving, Solved, rechart
 from ._stick import Mode, mode_at, mode_of
 
-# Halvings of a step: the square of what is left is below rounding. Looks at rest.
-_HALVINGS, _LOOKS = 30, 100
+# Halvings of a step: the square of what is left is below rounding. Looks at rest, and in a motion at least.
+_HALVINGS, LOOKS = 30, 100
 # Part of the step to both sides over which h' is a difference, and that Newton's method on the time may have left of
 # the way to a stop before its last step: its square is lost to curvature.
 _APART = 2.0**-14
@@ -178,7 +178,7 @@ def turns(equations: Equations, plan: Plan) -> Bool[Array, ""]:
 
 class Step(NamedTuple):
     """A step: its times, its end, and whether it is a rest, or ends at an event; `trial` are the senses of friction at
-    that, and `along` the directions in which surfaces slide."""
+    that, `along` the directions in which surfaces slide, and `apart` how far looks at joints are at most."""
 
     start: Array
     end: Array
@@ -187,13 +187,15 @@ class Step(NamedTuple):
     lands: Bool[Array, ""]
     trial: Float[Array, " p"]
     along: Float[Array, " p"] | None
+    apart: Array
 
 
 # Part of the step by which it ends later than the event found, so that no time asked for lies between.
 _LATER = 2.0**-40
-# What is done next: look, halve the bracket, take h a little after and before, ask for the direction of what holds at
-# the event, as looks find a release late by a tolerance, take h there, or see what stops there.
-_LOOK, _HALVE, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(8)
+# What is done next: look, halve the bracket, see before a stop that Newton's method told whether joints were let go
+# earlier, take h a little after and before, ask for the direction of what holds at the event, as looks find a release
+# late by a tolerance, take h there, or see what stops there.
+_LOOK, _HALVE, _EARLIER, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(9)
 
 
 class _Looking(NamedTuple):
@@ -221,63 +223,61 @@ def look(
     see: Callable[[Array, Moving, Array, Array], Seen],
 ) -> tuple[Seen, Plan, Bool[Array, ""], Bool[Array, ""]]:
     """What is seen at the end of a step, and the first event in it; whether the step ends well, and whether it is cut
-    at the event, which was seen then: near a stop of surfaces that turn no step ends well, but one just past it."""
+    at the event, which was seen then: near a stop of surfaces that turn no step ends well, but one just past it.
+
+    No error bounds a step by what joints that stick carry, nor by a stop that is made up for in it: those that do not
+    turn are looked at in between too.
+    """
     width, waits = step.end - step.start, step.rests & ~step.lands
+    most, directed = _looks(step), False if equations.directions is None else equations.directions.directed
 
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
-        looks, halves = stage == _LOOK, stage == _HALVE
-        ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
-        wait = step.start + width * ((now.turn + 1) / _LOOKS)
+        looks, halves, earlier = stage == _LOOK, stage == _HALVE, stage == _EARLIER
+        last = now.turn + 1 >= most
+        ends, within = looks & ~waits & last, looks & ~waits & ~last
+        beyond, short = _beside(step, high)
+        wait = step.start + width * ((now.turn + 1) / most)
         after, held, at_root, cut = (stage == kind for kind in (_AT, _HELD, _THERE, _CUT))
-        at_event = held | at_root | cut
-        t = jnp.select([ends, looks, halves, at_event, after], [step.end, wait, now.aim, high, beyond], short)
+        t = jnp.select(
+            [ends, looks, halves | earlier, held | at_root | cut, after], [step.end, wait, now.aim, high, beyond], short
+        )
         y = chosen_of(ends, step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, jnp.where(held, step.trial, now.trial), step.lands | cut)
         there, go = found.there, _released(equations, found.there)
-        over = jnp.where(ends, found.against > 0, now.over)
-        well = (
-            now.well if step.along is None else jnp.where(ends, ends_well(equations, found.rate, step.along), now.well)
-        )
+        against = jnp.where(within & directed, 0.0, found.against)
+        over = jnp.where(ends | within, against > 0, now.over)
+        well = now.well
+        if step.along is not None:
+            well = jnp.where(ends, ends_well(equations, found.rate, step.along), well)
         late = jnp.where(over, found.against, 0.0)
-        event = jnp.where(waits, ~there.resting, _is_event(equations, there, found.against)) & ~step.lands
+        event = jnp.where(waits, ~there.resting, _is_event(equations, there, against)) & ~step.lands
         moves = waits & event & ~jnp.any(go)  # what no friction held
-        later = jnp.where(looks, event, halves & (jnp.any(go) | jnp.any(late > 0)))
         stops = jnp.any(late > 0)
+        later = jnp.where(looks, event, ((halves | earlier) & jnp.any(go)) | (halves & stops))
         joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
         mode = there._replace(sense=_let_go(equations, there, there.tau), resting=jnp.zeros((), bool))
-        plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, now.plan.weights, go & ~stops, stops, mode)
+        when = jnp.where(moves, now.low, t)
+        plan = now.plan._replace(time=when, joint=joint, free=go & ~stops, stops=stops, onward=mode)
         plan = chosen_of(later, plan, now.plan)
         # Just beyond a limit some joints are not yet told apart from those that stick; a little later they are.
         others = after & (now.turn == 0) & jnp.any(plan.free) & jnp.any(go & ~plan.free)
         plan = chosen_of(others, plan._replace(free=go | plan.free, onward=mode), plan)
         plan = _turned(equations, plan, found, after, held)
-        apart, slip = beyond - short, found.solved.slip
-        slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
-        before = stage == _BEFORE
-        plan = plan._replace(slope=jnp.where(before, slope, plan.slope))
-        root = _root(equations, plan, found, now.trial, t) + _LATER * width
-        root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
-        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time))
-        after_look = jnp.where(
-            event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
-        )
-        stop = _DONE
-        if equations.directions is not None:
-            near = (high > step.start + (1 - 2 * PAST) * width) | (
-                width * equations.speed < _SHORT * equations.scaling.size
-            )
-            stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
+        plan = _timed(equations, step, now._replace(plan=plan), found, t)
+        after_look = jnp.where(event & ~moves, _HALVE, jnp.where(~event & ~last, _LOOK, _DONE))
+        stop = jnp.where(turns(equations, plan) & _cuts(equations, step, high), _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
-        aim, first, told = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
+        aim, first, told, ahead = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
         told = halves & told
         time, joint = jnp.where(told, aim, plan.time), jnp.where(told, first, plan.joint)
-        plan = plan._replace(time=time, joint=joint)
-        halvable = now.turn + 1 < _HALVINGS
-        after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
+        plan, asks = plan._replace(time=time, joint=joint), told & (ahead > low)
+        aim, halvable = jnp.where(asks, ahead, aim), now.turn + 1 < _HALVINGS
+        after_half = jnp.select([asks, told, halvable], [_EARLIER, _THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
+        after_ask = jnp.where(later, _HALVE, _THERE)
         release = _THERE if equations.directions is None else _HELD
-        nexts = [after_look, after_half, jnp.where(others, _AT, _BEFORE), release, _THERE]
-        following = jnp.select([looks, halves, after, before, held], nexts, _DONE)
+        nexts = [after_look, after_half, after_ask, jnp.where(others, _AT, _BEFORE), release, _THERE]
+        following = jnp.select([looks, halves, earlier, after, stage == _BEFORE, held], nexts, _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
@@ -287,7 +287,7 @@ def look(
             plan=plan,
             over=over,
             well=well,
-            slip=slip,
+            slip=found.solved.slip,
             cut=cut,
             seen=found,
         )
@@ -295,6 +295,35 @@ def look(
     begin = _nothing_seen(step, see)
     found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
     return found.seen, found.plan, found.well, found.cut
+
+
+def _looks(step: Step) -> Array:
+    """How often a step is looked at."""
+    most = jnp.clip(jnp.ceil((step.end - step.start) / step.apart), 1, LOOKS).astype(int)
+    return jnp.where(step.lands, 1, jnp.where(step.rests, LOOKS, most))
+
+
+def _cuts(equations: Equations, step: Step, t: Array) -> Bool[Array, ""]:
+    """Whether a step may be cut at a time: near its end, or as it is short."""
+    width = step.end - step.start
+    return (t > step.start + (1 - 2 * PAST) * width) | (width * equations.speed < _SHORT * equations.scaling.size)
+
+
+def _beside(step: Step, t: Array) -> tuple[Array, Array]:
+    """Times a little after another and before it."""
+    little = _APART * (step.end - step.start)
+    return t + little, jnp.maximum(t - little, step.start)
+
+
+def _timed(equations: Equations, step: Step, now: _Looking, found: Seen, t: Array) -> Plan:
+    """The plan, with h' and the time where h is zero as far as what was found at a time tells them."""
+    plan, before = now.plan, now.stage == _BEFORE
+    beyond, short = _beside(step, plan.time)
+    slope = (now.slip - found.solved.slip) / jnp.where(beyond > short, beyond - short, 1.0)
+    plan = plan._replace(slope=jnp.where(before, slope, plan.slope))
+    root = _root(equations, plan, found, now.trial, t) + _LATER * (step.end - step.start)
+    root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
+    return plan._replace(time=jnp.where(before | (now.stage == _THERE), root, plan.time))
 
 
 def _root(equations: Equations, plan: Plan, found: Seen, trial: Float[Array, " p"], t: Array) -> Array:
@@ -359,10 +388,10 @@ def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]
 
 def _by_newton(
     equations: Equations, plan: Plan, at: tuple[Array, Seen, Bool[Array, " p"]], known: tuple[Array, Array]
-) -> tuple[Array, Array, Bool[Array, ""]]:
+) -> tuple[Array, Array, Bool[Array, ""], Array]:
     """When to look next for an event before that of the plan: where Newton's method from what was seen at a time has
     the first of the joints that stop, or halfway where it leaves the bracket; that joint, and whether the time moves by
-    little. `known` are the start of the bracket and what is little."""
+    little; and when it does not count as still yet. `known` are the start of the bracket and what is little."""
     (t, found, over), (low, little) = at, known
     rate, slip = found.rate, found.solved.slip
     roots = jnp.where(over, t - rate / jnp.where(slip != 0, slip, 1.0), jnp.inf)
@@ -373,7 +402,9 @@ def _by_newton(
         sound = sound & ~jnp.any(over & jnp.asarray(directions.directed))
     told = sound & (jnp.abs(root - t) <= little)
     aim = jnp.where(told | (sound & (low < root) & (root < plan.time)), root, (low + plan.time) / 2)
-    return aim, jnp.argmin(roots), told
+    first, slow = jnp.argmin(roots), tolerance_of(STILL, rate) * equations.speed / equations.slip_size
+    near = 2 * slow[first] / jnp.where(slip[first] != 0, jnp.abs(slip[first]), 1.0)
+    return aim, first, told, root - jnp.maximum(near, little)
 
 
 class Landing(NamedTuple):

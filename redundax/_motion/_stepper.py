@@ -79,7 +79,7 @@ def at_start(like: Float[Array, ""]) -> Diagnostics:
 
 class Begin(NamedTuple):
     """How steps begin: how it moves and since when, what is held, and the event that the first step ends at; whether it
-    is the last, and the end of the motion."""
+    is the last, the end of the motion, and how far looks at joints are at most."""
 
     mode: Mode
     since: Array
@@ -87,6 +87,7 @@ class Begin(NamedTuple):
     plan: Plan
     lands: Array | np.bool_
     end: Array
+    apart: Array
 
 
 class Carried(NamedTuple):
@@ -197,7 +198,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         else:
             lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
-            step = Step(begun, t, there, context.rests, lands, trial, before.along)
+            step = Step(begun, t, there, context.rests, lands, trial, before.along, stop_gradient(args[2].apart))
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
             found, plan, well, cut = look(fixed, step, steps.evaluate, lambda *at: _seen(fixed, before, *at))
             event = step, plan, cut, found

@@ -360,8 +360,8 @@ class System(AbstractSystem):
         velocity_constraints: Callable[..., Array] | None = None,
         length: ArrayLike | None = None,
     ):
-        if constraint is None and velocity_constraints is not None:
-            constraint = no_positions
+        none = constraint is None and velocity_constraints is not None
+        constraint = no_positions if none else _needed(constraint)
         for argument, function, given in (
             ("constraint", constraint, ("q", "t", "parameters")),
             ("mass", mass, ("q", "t", "parameters")),
@@ -576,3 +576,12 @@ def check_system_at(system: object, state: object) -> None:
     check_system(system)
     advice = "Make one by `rx.assemble(mechanism, q)`, by `mechanism.state(...)` or by `rx.State(q, qd)`."
     check_kind("state", state, State, "a state", advice)
+
+
+def _needed(constraint: Callable[..., Array] | None) -> Callable[..., Array]:
+    if constraint is None:
+        raise RedundaxError(
+            "Argument `constraint` must be a function where there are no `velocity_constraints`, but is None. Give "
+            "`(q, t, parameters) -> residuals`, of one row at least."
+        )
+    return constraint

@@ -1,188 +1,190 @@
-"""Sleeves and balls with dry friction beside contacts: impulses in impacts, and what slides on from there.
+"""Two parallel sleeves, one redundant, beside contacts: closed forms of one sliding mass, and quadrature.
 
-The independent integration is of the moment about the ball, or along and about the sleeve, by SciPy, with friction of
-the load that Newton's law gives. An impact has the velocities w+ and impulses P of the contact at which momentum is
-kept, the contact rests, and friction is its limit against w+.
+Equal sleeves share a side force and a moment half by half, and rub with mu max(|F|, 2 |T| / L) of the whole of both.
 """
 
+import itertools
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, least_squares
-from scipy.spatial.transform import Rotation
+from scipy.optimize import brentq
 
 import redundax as rx
 
-G, UP = 9.81, np.array([0.0, 0.0, 1.0])
-ROD, ROUGH, BALL = 1.5, 0.3, 0.03  # kg, coefficient of friction, m
-INERTIA = np.array([0.02, 0.03, 0.045])
-CENTRE, TIP = np.array([0.25, 0.05, -0.02]), np.array([0.5, 0.02, 0.03])
+G, MASS, MU, LENGTH, WEIGHT = 9.81, 10.0, 0.1, 0.08, 98.1
+PLACES = {"L": -0.3, "R": 0.3}  # m, of both sleeves
 
 
-def friction_at(residual):
-    """The friction that its own load allows."""
-    return brentq(residual, 0.0, 1e4, xtol=1e-15, rtol=8.9e-16)
+def pulse(t):
+    return 200.0 * jnp.sin(jnp.pi * jnp.clip(t / 0.5, 0.0, 1.0)) ** 2
 
 
-class Pendulum:
-    """A rod on a rough ball at the origin, whose tip may rest on a plane; all in its own frame."""
-
-    inertia = np.diag(INERTIA) + ROD * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE))
-
-    def accelerations(self, up, w, rests):
-        """Rates of the angular velocity, and the load of the tip."""
-        spin = np.cross(w, np.cross(w, np.array([CENTRE, TIP])))
-        gyroscopic, slides = np.cross(w, self.inertia @ w), w / np.linalg.norm(w)
-
-        def given(friction):
-            load = np.cross(CENTRE, -ROD * G * up) - gyroscopic - friction * slides
-            free, by_tip = np.linalg.solve(self.inertia, np.array([load, np.cross(TIP, up)]).T).T
-            push = -(np.cross(free, TIP) + spin[1]) @ up / (np.cross(by_tip, TIP) @ up) if rests else 0.0
-            return free + push * by_tip, push
-
-        def residual(friction):
-            rate, push = given(friction)
-            force = ROD * (np.cross(rate, CENTRE) + spin[0] + G * up) - push * up
-            return ROUGH * BALL * np.linalg.norm(force) - friction
-
-        return given(friction_at(residual))
-
-    def struck(self, up, w):
-        """The angular velocity after the tip has struck."""
-
-        def residual(x):
-            after, push = x[:3], x[3]
-            force = ROD * np.cross(after - w, CENTRE) - push * up
-            rubs = ROUGH * BALL * np.linalg.norm(force) * after / np.linalg.norm(after)
-            kept = self.inertia @ (after - w) - push * np.cross(TIP, up) + rubs
-            return [*kept, np.cross(after, TIP) @ up]
-
-        by_tip = np.linalg.solve(self.inertia, np.cross(TIP, up))
-        push = -np.cross(w, TIP) @ up / (np.cross(by_tip, TIP) @ up)
-        tight = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
-        return least_squares(residual, [*(w + push * by_tip), push], **tight).x[:3]
-
-    def motion(self, turn, w, times):
-        """When the tip strikes, and angular velocities at times."""
-
-        def rates(rests):
-            def of(_, y):
-                up, w = y[:3], y[3:6]
-                return [*np.cross(up, w), *self.accelerations(up, w, rests)[0]]
-
-            return of
-
-        def height(_, y):
-            return y[:3] @ TIP - TIP[2]
-
-        height.terminal, options = True, {"rtol": 1e-12, "atol": 1e-14, "method": "DOP853", "dense_output": True}
-        falls = solve_ivp(rates(False), (0.0, times[-1]), [*(turn.T @ UP), *w], events=height, **options)
-        strikes, end = falls.t[-1], falls.y[:, -1]
-        after = [*end[:3], *self.struck(end[:3], end[3:])]
-        assert self.accelerations(np.array(after[:3]), np.array(after[3:]), True)[1] > 0
-        rests = solve_ivp(rates(True), (strikes, times[-1]), after, **options)
-        return strikes, np.array([(falls if t <= strikes else rests).sol(t)[3:] for t in times])
+def flat(i, j, t, p):
+    return rx.Wrench(jnp.stack([0.0 * t, pulse(t)]), 0.0 * t), rx.Wrench(jnp.zeros(2), 0.0 * t)
 
 
-def test_a_pendulum_on_a_rough_ball_strikes_a_plane_as_its_slip_has_turned_about():
-    """The direction of its slip turns by more than a right angle before the tip strikes."""
-    rod = rx.spatial.Body("rod", ROD, inertia=tuple(INERTIA), centre=tuple(CENTRE))
-    ball = rx.spatial.Spherical("ball", rod, "ground", (0.0, 0.0, 0.0), ball_radius=BALL, friction=rx.Coulomb(ROUGH))
-    stop = rx.spatial.PointOnPlane("stop", rod, "ground", tuple(TIP), (0, 0, 1), one_sided=True)
-    mechanism = rx.Mechanism([rod], [ball, stop], gravity=(0.0, 0.0, -G))
-    quaternion = np.array([1.0, 0.03456, -0.35, 0.16433])
-    turn = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    w = np.array([0.99131, -1.30316, 0.90536])
-    q = jnp.array([*(turn @ CENTRE), *(quaternion / np.linalg.norm(quaternion))])
-    state = rx.assemble(mechanism, q, rates=dict(zip(("rod.phi_x", "rod.phi_y", "rod.phi_z"), w, strict=True)))
-    times = np.linspace(0.0, 0.4, 81)
-    strikes, truth = Pendulum().motion(turn, w, times)
-    before = truth[times < strikes]
-    assert before[-1] @ before[0] < 0
-    motion = rx.simulate(mechanism, state, 0.4, ts=times, rtol=1e-11)
-    np.testing.assert_allclose(motion.impacts.t[0], strikes, rtol=1e-9)
-    np.testing.assert_allclose(motion.qd[:, 3:], truth, rtol=0, atol=1e-8)
+def in_space(i, j, t, p):
+    none = jnp.zeros(3)
+    return rx.spatial.Wrench(jnp.stack([0.0 * t, 0.0 * t, pulse(t)]), none), rx.spatial.Wrench(none, none)
 
 
-ARM, SPIN, ECCENTRIC, ARM_TIP = 2.0, 0.03, 0.05, 0.12  # kg, kg m^2, m from the axis
-SHAFT, SLEEVE, DRY = 0.02, 0.1, 0.25  # m, m, coefficient of friction
+def ram(push, others=(), loads=()):
+    """A ram on two vertical sleeves that rub, pushed to the side, above a foot beside its middle; and its closure."""
+    rubs = {"normal": (1.0, 0.0), "guide_length": LENGTH, "friction": rx.Coulomb(MU)}
+    sleeves = [rx.Translational(name, "ram", "ground", (x, 0.0), (x, 0.0), **rubs) for name, x in PLACES.items()]
+    foot = rx.PinInSlot("foot", "ram", "ground", (0.1, -0.2), (0.0, -0.2), (0.0, 1.0), one_sided=True)
+    loads = [rx.AppliedForce("ram", (push, 0.0)), *loads]
+    bodies = [rx.Body("ram", MASS, 0.3)]
+    machine = rx.Mechanism(bodies, [*sleeves, foot, *others], loads=loads, gravity=(0.0, -G))
+    soft = {"L": (1e-8, 1e-6), "R": (1e-8, 1e-6), "foot": 1e-7} | {joint.name: 1e-7 for joint in others}
+    return machine, rx.ElasticJoints(machine, soft)
 
 
-class Arm:
-    """An arm on a vertical sleeve that falls onto a stop as it turns."""
-
-    inertia = SPIN + ARM * ECCENTRIC**2
-
-    def limit(self, radial, across, couple):
-        """Friction of both ends, given the force towards the centre of mass, that across, and the couple."""
-        ends = np.hypot(radial / 2 + couple / SLEEVE, across / 2), np.hypot(radial / 2 - couple / SLEEVE, across / 2)
-        return DRY * sum(ends)
-
-    def accelerations(self, speed, w, rests):
-        """Along the sleeve and about it."""
-        along, about = np.array([speed, SHAFT * w]) / np.hypot(speed, SHAFT * w)
-
-        def given(friction):
-            turn, push = -SHAFT * friction * about / self.inertia, ARM * G + friction * along if rests else 0.0
-            return 0.0 if rests else -G - friction * along / ARM, turn, push
-
-        def residual(friction):
-            rise, turn, push = given(friction)
-            couple = ARM * ECCENTRIC * (rise + G) - ARM_TIP * push
-            return self.limit(-ARM * ECCENTRIC * w**2, ARM * ECCENTRIC * turn, couple) - friction
-
-        return given(friction_at(residual))[:2]
-
-    def motion(self, height, w):
-        """When it strikes and when it has stopped, and speeds about the sleeve at times."""
-        options = {"rtol": 1e-12, "atol": 1e-14, "method": "DOP853", "dense_output": True, "max_step": 0.05}
-
-        def lands(_, y):
-            return y[0]
-
-        def stops(_, y):
-            return y[2] - 1e-12
-
-        lands.terminal = stops.terminal = True
-        begin = 1e-12  # not without slip along
-        start = [height, -G * begin, w]
-        falls = solve_ivp(
-            lambda _, y: [y[1], *self.accelerations(*y[1:], False)], (begin, 1.0), start, events=lands, **options
-        )
-        strikes, (_, speed, before) = falls.t[-1], falls.y[:, -1]
-
-        def residual(change):
-            couple = (ECCENTRIC - ARM_TIP) * ARM * speed
-            return self.inertia * change + SHAFT * self.limit(0.0, ARM * ECCENTRIC * change, couple)
-
-        after = before + brentq(residual, -before, 0.0, xtol=1e-15, rtol=8.9e-16)
-        rests = solve_ivp(
-            lambda _, y: [0.0, *self.accelerations(0.0, y[2], True)],
-            (strikes, 9.0),
-            [0.0, 0.0, after],
-            events=stops,
-            **options,
-        )
-        stop = rests.t[-1]
-
-        def at(t):
-            return falls.sol(max(t, begin))[2] if t <= strikes else rests.sol(t)[2] if t < stop else 0.0
-
-        return strikes, stop, at
+def ram_in_space(push):
+    body = rx.spatial.Body("ram", MASS, inertia=(0.3, 0.3, 0.3))
+    rubs = {"guide_length": LENGTH, "twist_radius": 0.03, "friction": rx.Coulomb(MU)}
+    sleeves = [rx.spatial.Prismatic(n, body, "ground", (x, 0, 0), (0, 0, 1), **rubs) for n, x in PLACES.items()]
+    foot = rx.spatial.PointOnPlane("foot", body, "ground", (0.1, 0.0, -0.2), (0, 0, 1), one_sided=True)
+    loads = [rx.spatial.AppliedForce(body, (push, 0.0, 0.0)), rx.spatial.LoadFunction("ram", in_space)]
+    machine = rx.Mechanism([body], [*sleeves, foot], loads=loads, gravity=(0.0, 0.0, -G))
+    return machine, rx.ElasticJoints(machine, {"L": (1e-8, 1e-6), "R": (1e-8, 1e-6), "foot": 1e-7})
 
 
 @pytest.mark.slow
-def test_an_arm_on_a_rough_sleeve_falls_onto_a_stop_turns_on_it_and_comes_to_rest():
-    arm = rx.spatial.Body("arm", ARM, inertia=(0.01, 0.02, SPIN), centre=(ECCENTRIC, 0.0, 0.0))
-    rubs = {"shaft_radius": SHAFT, "bearing_length": SLEEVE, "friction": rx.Coulomb(DRY)}
-    sleeve = rx.spatial.Cylindrical("sleeve", arm, "ground", (0.0, 0.0, 0.0), (0, 0, 1), **rubs)
-    stop = rx.spatial.PointOnPlane("stop", arm, "ground", (ARM_TIP, 0.0, 0.0), (0, 0, 1), one_sided=True)
-    mechanism = rx.Mechanism([arm], [sleeve, stop], gravity=(0.0, 0.0, -G))
-    strikes, stops, at = Arm().motion(0.05, 4.0)
-    end = 1.2 * stops
-    state = rx.assemble(mechanism, rx.assemble(mechanism).q.at[2].add(0.05), rates={"sleeve.angle": 4.0})
-    motion = rx.simulate(mechanism, state, end, ts=np.linspace(0.0, end, 61), rtol=1e-11)
-    np.testing.assert_allclose(motion.impacts.t[0], strikes, rtol=1e-9)
-    np.testing.assert_allclose(motion.qd[:, 5], [at(t) for t in np.asarray(motion.t)], rtol=0, atol=1e-8)
-    assert 0 < strikes < stops
+def test_a_driver_lifts_a_ram_off_its_foot_and_puts_it_down():
+    """Cycloids: the foot opens and closes as they begin and end, and the driver bears m (g + y'') and the friction."""
+    law, push = rx.Cycloidal(0.3, move=0.4, begin=0.1, dwell=0.1), 50.0
+    drive = rx.DistanceDriver("lift", "ram", "ground", (0.0, 0.0), (0.0, 2.0), 2.0 - law)
+    machine, closure = ram(push, others=[drive])
+    motion = rx.simulate(machine, rx.assemble(machine, {}), 1.2, closure=closure)
+    times, one = np.asarray(motion.t), jnp.ones(())
+    heights, second = (
+        np.array([float(of(jnp.asarray(t))) for t in times])
+        for of in (law, lambda t: jax.jvp(lambda t: jax.jvp(law, (t,), (one,))[1], (t,), (one,))[1])
+    )
+    np.testing.assert_allclose(motion["ram.y"], heights, rtol=0, atol=1e-12)
+    assert motion.impacts.t.size == 0
+    lies = (times < 0.1) | (times > 1.0 + 1e-9)
+    flies = (times > 0.104) & (times < 0.996)
+    assert set(motion.contacts["foot"][lies]) == {"carries"} and set(motion.contacts["foot"][flies]) == {"open"}
+    speeds = np.asarray(motion["ram.y'"])
+    moves = flies & (np.abs(speeds) > 1e-6)
+    bears = MASS * (G + second) + MU * push * np.sign(speeds)
+    np.testing.assert_allclose(motion["lift.distance"][moves], bears[moves], rtol=1e-10)
+    both = np.asarray(motion["lift.distance"] + motion["foot.perpendicular"])
+    np.testing.assert_allclose(both[times < 0.09], WEIGHT, rtol=1e-12)
+
+
+def thrown_up(rub, restitution, times):
+    """A mass that 100 (1 - cos 4 pi t) N until 0.5 s throws off its foot against friction: when it begins, its heights,
+    and times and speeds of two landings."""
+    begins, w = brentq(lambda t: 100 * (1 - np.cos(4 * np.pi * t)) - WEIGHT - rub, 0.05, 0.25, xtol=1e-15), 4 * np.pi
+    up, down = G + rub / MASS, G - rub / MASS
+
+    def pushed(t):
+        since, wave = t - begins, np.cos(w * t) - np.cos(w * begins) + w * np.sin(w * begins) * (t - begins)
+        return (100 * wave / w**2 + (100 - WEIGHT - rub) * since**2 / 2) / MASS
+
+    rate = (-100 / w * (np.sin(w * 0.5) - np.sin(w * begins)) + (100 - WEIGHT - rub) * (0.5 - begins)) / MASS
+    heights = np.where((times > begins) & (times <= 0.5), pushed(times), 0.0)
+    at, height, landings = 0.5, pushed(0.5), []
+    for _ in range(2):
+        top, peak = at + rate / up, height + rate**2 / (2 * up)
+        speed = np.sqrt(2 * down * peak)
+        lands = top + speed / down
+        rises, falls = (times > at) & (times <= top), (times > top) & (times <= lands)
+        heights = np.where(rises, height + rate * (times - at) - up * (times - at) ** 2 / 2, heights)
+        heights = np.where(falls, peak - down * (times - top) ** 2 / 2, heights)
+        landings.append((lands, speed))
+        at, height, rate = lands, 0.0, restitution * speed
+    return begins, heights, np.array(landings).T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [ram, ram_in_space])
+def test_a_load_throws_a_ram_off_its_foot_and_sleeves_rub_in_the_impact(make):
+    """Sleeves hold it until the load is beyond weight and friction, though the foot opens at the weight. The foot's
+    impulse P bends both sleeves, which rub with mu 2 (0.1 P) / L against it: P (1 - 0.25) = m v (1 + e)."""
+    push, restitution, end = 200.0, 0.5, 0.95
+    machine, closure = make(push) if make is ram_in_space else make(push, loads=[rx.LoadFunction("ram", flat)])
+    start = rx.assemble(machine) if make is ram_in_space else rx.assemble(machine, {})
+    motion = rx.simulate(machine, start, end, closure=closure, restitution=restitution, rtol=1e-10)
+    times = np.asarray(motion.t)
+    begins, heights, (lands, speeds) = thrown_up(MU * push, restitution, times)
+    found = np.asarray(motion["ram.z" if make is ram_in_space else "ram.y"])
+    told = times < lands[-1]
+    np.testing.assert_allclose(found[told], heights[told], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found[times < begins], 0.0, atol=1e-15)
+    np.testing.assert_allclose(motion.impacts.t, lands, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(motion.impacts.energy, MASS / 2 * speeds**2 * (1 - restitution**2), rtol=1e-7)
+    share = 1 - MU * 2 * 0.1 / LENGTH
+    np.testing.assert_allclose(motion.impacts.impulses[:, 0], MASS * speeds * (1 + restitution) / share, rtol=1e-7)
+    opens = brentq(lambda t: float(pulse(t)) - WEIGHT, 0.05, 0.25)
+    assert set(motion.contacts["foot"][times < opens - 1e-9]) == {"carries"}
+    assert set(motion.contacts["foot"][times > opens + 1e-9]) == {"open"}
+
+
+SOFT, TURNS, FOOT, AT = 1e-8, 1e-6, 2e-8, 0.5  # m/N, rad/(N m), m/N; place of a foot
+
+
+def bending(t):
+    return 60.0 * jnp.sin(6.0 * t)
+
+
+def pulled(i, j, t, p):
+    return rx.Wrench(jnp.stack([p + 0.0 * t, 0.0 * t]), bending(t)), rx.Wrench(jnp.zeros(2), 0.0 * t)
+
+
+def sled_loads(t):
+    """Sleeves' forces and moments and the foot's load, of least energy, which pushes; the foot rubs 0.2 m below."""
+    foot = 0.0
+    for _ in range(100):
+        for closed in (1, 0):
+            rows = np.array([[1.0, 1.0, 0.0, 0.0, 1.0], [-0.3, 0.3, 1.0, 1.0, AT]])[:, : 4 + closed]
+            soft = np.diag([SOFT, SOFT, TURNS, TURNS, FOOT])[: 4 + closed, : 4 + closed]
+            right = [WEIGHT, -float(bending(t)) + 0.2 * 0.3 * foot]
+            both = np.block([[soft, rows.T], [rows, np.zeros((2, 2))]])
+            loads = np.linalg.solve(both, [*np.zeros(4 + closed), *right])[: 4 + closed]
+            if not closed or loads[4] > 0:
+                break
+        last, foot = foot, loads[4] if closed else 0.0
+        if abs(foot - last) < 1e-13 * WEIGHT:
+            break
+    presses = [max(abs(loads[k]), 2 * abs(loads[2 + k]) / LENGTH) for k in range(2)]
+    kinks = (foot > 0, *np.sign(loads[:4]), *(abs(loads[k]) > 2 * abs(loads[2 + k]) / LENGTH for k in range(2)))
+    return foot, MU * sum(presses) + 0.3 * foot, kinks
+
+
+@pytest.mark.slow
+def test_a_foot_that_only_the_closure_loads_comes_and_goes_as_a_sled_runs():
+    """Both sleeves hold the sled; a moment of time loads the foot beside them and lets it go, and both rub."""
+    rubs = {"normal": (0.0, 1.0), "guide_length": LENGTH, "friction": rx.Coulomb(MU)}
+    sleeves = [rx.Translational(n, "sled", "ground", (x, 0.0), (0.0, 0.0), **rubs) for n, x in PLACES.items()]
+    rough = {"friction": rx.Coulomb(0.3), "one_sided": True}
+    foot = rx.PinInSlot("foot", "sled", "ground", (AT, -0.2), (0.0, -0.2), (0.0, 1.0), **rough)
+    loads = [rx.LoadFunction("sled", pulled, parameters=30.0)]
+    sled = rx.Mechanism([rx.Body("sled", MASS, 0.3)], [*sleeves, foot], loads=loads, gravity=(0.0, -G))
+    closure = rx.ElasticJoints(sled, {"L": (SOFT, TURNS), "R": (SOFT, TURNS), "foot": FOOT})
+    motion = rx.simulate(sled, rx.assemble(sled, {}, rates={"sled.x": 0.5}), 2.0, closure=closure, rtol=1e-11)
+    times = np.asarray(motion.t)
+    truth = np.array([sled_loads(t)[0] for t in times])
+    np.testing.assert_allclose(motion["foot.perpendicular"], truth, rtol=0, atol=1e-9)
+    assert set(motion.contacts["foot"][truth > 1e-6]) == {"carries"}
+    assert set(motion.contacts["foot"][truth == 0]) == {"touches"} and np.sum(truth == 0) > 30
+    cuts = set(np.linspace(0.0, 2.0, 41))
+    for low, high in itertools.pairwise(np.linspace(0.0, 2.0, 401)):
+        first = sled_loads(low)[2]
+        if first != sled_loads(high)[2]:
+            for _ in range(45):
+                middle = (low + high) / 2
+                low, high = (middle, high) if sled_loads(middle)[2] == first else (low, middle)
+            cuts.add(high)
+    x, v, (nodes, weights) = 0.0, 0.5, np.polynomial.legendre.leggauss(8)
+    for low, high in itertools.pairwise(sorted(cuts)):
+        half = (high - low) / 2
+        at = low + half * (nodes + 1)
+        change = half * weights * np.array([(30.0 - sled_loads(t)[1]) / MASS for t in at])
+        x, v = x + 2 * half * v + (high - at) @ change, v + change.sum()
+    np.testing.assert_allclose([motion["sled.x"][-1], motion["sled.x'"][-1]], [x, v], rtol=0, atol=1e-9)

@@ -145,3 +145,9 @@ def test_modes_that_do_not_fit_the_adjoint_are_refused_by_name(transformation):
 
     with pytest.raises(rx.RedundaxError, match="Argument `adjoint` must fit"):
         transformation(angle)(1.0)
+
+
+@slow
+def test_a_hessian_in_forward_mode_is_refused_by_name():
+    with pytest.raises(rx.RedundaxError, match=r"Argument `adjoint` must fit .* is ForwardMode"):
+        jax.hessian(sliding)(jnp.array([0.2, 1.0]))

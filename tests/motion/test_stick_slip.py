@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 from test_simulate import richardson
 from truth import paper
 
@@ -83,6 +84,44 @@ def test_a_driver_that_dwells_sets_off_again_against_friction(wait):
     run = rx.simulate(mechanism, rx.assemble(mechanism, {"b.x": 0.0}), 6.0, ts=ts)
     way, change = np.repeat([1.0, -1.0], 3), 20.0 * np.array([1.0, 0.0, -1.0, -1.0, 0.0, 1.0])
     np.testing.assert_allclose(run["d.distance"], -mass * (change + mu * 9.81 * way), rtol=1e-9)
+
+
+def test_a_block_is_let_go_before_another_stops_in_the_same_step():
+    """Friction is 1 N. One slides from 0.99 m/s to its stop at 0.99 s; a force 1.2 N/s t lets the other go at 5/6 s."""
+    friction = rx.Friction(lambda q, t, p: q[:2], lambda *given: -given[2], [], ["linear"] * 2)
+    pull = lambda q, qd, t, p: jnp.stack([0.0 * t, 1.2 * t, 0.0 * t])  # noqa: E731
+    system = rx.System(lambda q, t, p: q[2:], jnp.ones(3), pull, friction=friction)
+    run = rx.simulate(system, rx.State(jnp.zeros(3), [0.99, 0.0, 0.0]), 2.0, ts=np.linspace(0.0, 2.0, 21))
+    slides, since = np.minimum(run.t, 0.99), np.maximum(run.t - 5 / 6, 0.0)
+    np.testing.assert_allclose(run.q[:, 0], 0.99 * slides - slides**2 / 2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.q[:, 1], 0.2 * since**3, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.friction[:, 1], -np.minimum(1.2 * run.t, 1.0), rtol=0, atol=1e-9)
+
+
+def test_a_block_is_let_go_for_a_moment_while_another_moves_evenly():
+    """Under 1.2 N sin w t against 1 N it slips there and back within the one step of what moves evenly, in each half
+    of a second by the integral of 1.2 (cos w a - cos w t) / w - (t - a) from a on until that is 0."""
+    w = 2 * np.pi
+    friction = rx.Friction(lambda q, t, p: q[:1], lambda *given: -given[2], [], ["linear"])
+    pull = lambda q, qd, t, p: jnp.stack([1.2 * jnp.sin(w * t), 0.0 * t, 0.0 * t])  # noqa: E731
+    system = rx.System(lambda q, t, p: q[2:], jnp.ones(3), pull, friction=friction)
+    run = rx.simulate(system, rx.State(jnp.zeros(3), [0.0, 0.3, 0.0]), 1.0, ts=[0.5, 1.0], rtol=1e-10)
+    begins = np.arcsin(1 / 1.2) / w
+    rate = lambda t: 1.2 * (np.cos(w * begins) - np.cos(w * t)) / w - (t - begins)  # noqa: E731
+    way = quad(rate, begins, brentq(rate, begins + 0.1, 0.5))[0]
+    np.testing.assert_allclose(run.q[:, 0], [way, 0.0], rtol=0, atol=1e-10)
+    assert run.stats.phases == 5
+
+
+def test_a_block_stands_for_a_moment_within_a_step():
+    """Under 20 N/s (t - 1/2 s) + 1 N against 1 N it goes by 10 m/s^3 ((t - 1/2 s)^2 - (0.05 s)^2), which is 0 at
+    0.45 s; from there on it stands until 1/2 s."""
+    friction = rx.Friction(lambda q, t, p: q[:1], lambda *given: -given[2], [], ["linear"])
+    pull = lambda q, qd, t, p: jnp.stack([20 * (t - 0.5) + 1, 0.0 * t])  # noqa: E731
+    system = rx.System(lambda q, t, p: q[1:], jnp.ones(2), pull, friction=friction)
+    run = rx.simulate(system, rx.State(jnp.zeros(2), [2.475, 0.0]), 1.0, ts=[0.45, 0.48, 1.0])
+    stands = 10 / 3 * (0.5**3 - 0.05**3) - 10 * 0.05**2 * 0.45
+    np.testing.assert_allclose(run.q[:, 0], [stands, stands, stands + 10 / 3 * 0.5**3], rtol=0, atol=1e-8)
 
 
 @slow

@@ -97,6 +97,7 @@ KINDS = {
         r"`angle` of the driver 'M' must be a function of \(t\), but is one of \(t, p\)",
     ),
     "a load of three": (lambda: rx.LoadFunction("rod", lambda i, j, t: None), r"\(motion_i, motion_j, t, parameters\)"),
+    "no constraint": (lambda: rx.System(None, [1.0]), "`constraint` must be a function where there are no `velocity_"),
     "a constraint of one": (lambda: rx.System(lambda q: q[:1], [1.0]), r"`constraint` .* of \(q, t, parameters\)"),
     "a load of the state": (
         lambda: rx.System(lambda q, t, p: q[:1], [1.0], lambda q, qd: q),
