@@ -21,6 +21,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._words import ended
 from ..plot._drive import drive as picture
 from ._file import FileError, load, writing
 from ._output import show, tell
@@ -130,10 +131,11 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
     if first in inspect.signature(make).parameters:
         named.setdefault(first, here[coordinate])
     try:
+        inspect.signature(make).bind(*given, **named)  # whose words name no function
         return coordinate, make(*given, **named)
     except (RedundaxError, TypeError) as error:
         figures = ", ".join(name for name in inspect.signature(make).parameters)
-        raise FileError(f"The law '{text}' does not fit: {error} Figures of {kind}: {figures}.") from error
+        raise FileError(f"The law '{text}' does not fit: {ended(str(error))} Figures of {kind}: {figures}.") from error
 
 
 def _duration(law: Law) -> float:

@@ -22,7 +22,7 @@ from .._system._names import DRIVE, ByName, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, numpy_of, replace_fields
+from .._tools._module import Numbers, as_float, is_concrete, names_in, numpy_of, replace_fields
 from .._tools._numbers import (
     are_known,
     as_arrays,
@@ -242,6 +242,7 @@ def _beside(t: Array) -> Float[Array, "times 2"]:
 
 def laws_and_held(system: AbstractSystem, laws: Laws, hold: Sequence[str], start: State) -> Laws:
     """The laws, and those of coordinates that rest where the first position has them."""
+    hold = names_in("hold", hold)
     if not hold:
         return laws
     labels = coordinates_of(system).labels

@@ -22,7 +22,17 @@ from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._derivatives import once
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
+from .._tools._module import (
+    as_float,
+    check_kind,
+    check_position,
+    floats,
+    is_concrete,
+    numpy_of,
+    on_device,
+    one_number,
+    replace_fields,
+)
 from .._tools._no_answer import nan_where
 from .._tools._numbers import (
     computed,
@@ -87,6 +97,9 @@ def assemble(
     """
     check_system(system)
     n = len(system.coordinates)
+    for name, value in (("positions", positions), ("rates", rates)):
+        advice = f'Write {name}={{"{(given_axis(system.names).labels or ("K.travel",))[0]}": 0.1}}, say.'
+        check_kind(name, {} if value is None else value, Mapping, "numbers by name", advice)
     positions, rates = dict(positions or {}), _without_prime("rates", rates or {})
     q = system.reference if q is None else q
     if isinstance(q, Mapping) and len(system.names.centres):
@@ -98,6 +111,11 @@ def assemble(
     qd = _without_prime("qd", qd) if isinstance(qd, Mapping) else qd
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t, "t")
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
+    one_number("t", t)
+    positions, rates = (
+        {key: floats(value, name) for key, value in given.items()}
+        for name, given in (("positions", positions), ("rates", rates))
+    )
     dtype, labels = xp.result_type(q, qd, *own), given_axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]

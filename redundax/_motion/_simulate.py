@@ -26,7 +26,18 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, check_kind, floats, is_concrete, numpy_of, positive, replace_fields
+from .._tools._module import (
+    Numbers,
+    as_float,
+    check_kind,
+    check_whole,
+    floats,
+    is_concrete,
+    numpy_of,
+    one_number,
+    positive,
+    replace_fields,
+)
 from .._tools._numbers import stop_gradient
 from .._tools._words import short
 from ._radau_solver import Radau
@@ -155,14 +166,15 @@ def simulate(
     if adjoint is not None:
         advice = "Give `diffrax.ForwardMode()`, say."
         check_kind("adjoint", adjoint, diffrax.AbstractAdjoint, "one of diffrax", advice)
-    positive("max_phases", floats(max_phases, "max_phases"))
-    _check(system, state, closure, rtol, dt0, max_steps)
+    check_whole(1, max_steps=max_steps, max_phases=max_phases)
+    _check(system, state, closure, rtol, dt0)
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver | Radau | None):
         raise RedundaxError(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
     t1 = cast(Array, floats(t1, "t1").astype(state.qd.dtype))
+    one_number("t1", t1)
     given = cast(Array, (_evenly(state.t, t1) if ts is None else floats(ts, "ts")).astype(t1.dtype))
     check_times(state.t, t1, given)
     bounces = _restitution(system, restitution, stabilisation, rank)
@@ -254,7 +266,6 @@ def _check(
     closure: AbstractClosure,
     rtol: ArrayLike | None,
     dt0: ArrayLike | None,
-    max_steps: int,
 ) -> None:
     """Refuse what cannot be integrated."""
     check_system_at(system, state)
@@ -277,9 +288,10 @@ def _check(
         )
     if not system.adds:
         _check_chart(system, state)
-    for name, value in (("rtol", rtol), ("dt0", dt0), ("max_steps", max_steps)):
+    for name, value in (("rtol", rtol), ("dt0", dt0)):
         if value is not None:
-            positive(name, floats(value, name))
+            one_number(name, as_float(value, name))
+            positive(name, as_float(value, name))
     if rtol is None and dt0 is None:
         raise RedundaxError(
             "Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step."

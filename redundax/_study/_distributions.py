@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers
+from .._tools._module import Numbers, check_kind, check_whole, floats
 
 _BITS = 30  # of the Sobol points
 
@@ -88,6 +88,8 @@ class Uniform(AbstractDistribution):
 
 def check_distributions(parameters: Mapping[str, AbstractDistribution], rest: str) -> None:
     """Refuse parameters without a distribution; `rest` says what to do with what has none."""
+    advice = 'Write {"mu": rx.Uniform(0.05, 0.15)}, say.'
+    check_kind("parameters", parameters, Mapping, "distributions by name", advice)
     wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
     if wrong or not parameters:
         raise RedundaxError(
@@ -98,6 +100,7 @@ def check_distributions(parameters: Mapping[str, AbstractDistribution], rest: st
 
 def check_power(name: str, count: int, least: int = 2) -> None:
     """Refuse a number of Sobol points that is no power of two."""
+    check_whole(1, **{name: count})
     if count < least or count & (count - 1):
         near = max(least, 2 ** count.bit_length())
         raise RedundaxError(f"Argument `{name}` must give a power of two points, but gives {count}. {near} is one.")
@@ -107,6 +110,7 @@ def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: in
     """Samples of every parameter, shape (N, ...)."""
     from scipy.stats import qmc
 
+    check_whole(0, seed=seed)
     sizes = [one.nominal.size for one in parameters.values()]
     points = qmc.Sobol(sum(sizes), bits=_BITS, rng=seed).random(samples)
     points += 0.5**_BITS / 2  # the middle of the cells, which are the points' lower ends: 0 has no finite quantile
@@ -123,7 +127,7 @@ def entries(name: str, shape: tuple[int, ...]) -> list[str]:
 
 
 def _pair(first: str, one: Numbers, second: str, other: Numbers) -> tuple[np.ndarray, np.ndarray]:
-    values = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
+    values = [np.asarray(floats(value, name), float) for name, value in ((first, one), (second, other))]
     try:
         a, b = np.broadcast_arrays(*values)
     except ValueError:

@@ -17,9 +17,9 @@ from jax.sharding import Mesh
 from .._motion._trajectory import Trajectory
 from .._system._names import KEPT
 from .._system._results import result_codes
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers
+from .._tools._module import Numbers, check_kind, floats
 from ._distributions import AbstractDistribution, check_power, sobol
 from ._layout import SAMPLE, outcomes
 from ._study import study, whole
@@ -79,6 +79,7 @@ def ensemble(
 
     **Raises:** `ValueError` where arguments do not fit, as in `study`; warns where motions did not get to the end.
     """
+    check_system(system)
     drawn, sizes = _drawn(samples, size, percentiles)
     given = sobol(drawn, sizes, seed) if drawn else {}
     values = {name: given[name] if name in given else np.asarray(samples[name]) for name in samples}
@@ -108,12 +109,14 @@ def _drawn(
     samples: Mapping[str, Numbers | AbstractDistribution], size: int, percentiles: Sequence[float]
 ) -> tuple[dict[str, AbstractDistribution], int]:
     """The distributions, and the number of samples."""
+    check_kind("samples", samples, Mapping, "values by name", 'Write {"rate": rx.Normal(1.0, 0.1)}, say.')
     drawn = {name: one for name, one in samples.items() if isinstance(one, AbstractDistribution)}
     fixed = [np.shape(one)[0] for one in samples.values() if not isinstance(one, AbstractDistribution) and np.ndim(one)]
     count = fixed[0] if fixed else size
     if drawn:
         check_power("samples" if fixed else "size", count)
-    if len(percentiles) < 2 or not all(0 <= value <= 100 for value in percentiles):
+    given = np.asarray(floats(percentiles, "percentiles"))
+    if given.ndim != 1 or given.size < 2 or not np.all((given >= 0) & (given <= 100)):
         raise RedundaxError(
             f"Argument `percentiles` must hold two or more from 0 to 100, but is {percentiles}. Give 5 and 95, say."
         )

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, as_float, check_call
+from .._tools._module import Numbers, as_float, check_call, check_whole
 from ._distributions import AbstractDistribution, check_distributions, check_power, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restore
 
@@ -77,7 +77,7 @@ def identify(
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` where no search converged, or where one that
     did not has the least misfit, and `throw` says so.
     """
-    data, sigma = _checked(measured, noise, parameters, starts)
+    data, sigma = _checked(measured, noise, parameters, starts, max_steps)
     check_call("predict", predict, **parameters)
     shapes = tuple((name, one.shape) for name, one in parameters.items())
     middle = jnp.concatenate([jnp.ravel(one.nominal) for one in parameters.values()])
@@ -110,10 +110,15 @@ def _points(parameters: Mapping[str, AbstractDistribution], count: int, seed: in
 
 
 def _checked(
-    measured: Numbers, noise: Numbers, parameters: Mapping[str, AbstractDistribution], starts: int
+    measured: Numbers,
+    noise: Numbers,
+    parameters: Mapping[str, AbstractDistribution],
+    starts: int,
+    max_steps: int,
 ) -> tuple[Array, Array]:
     check_distributions(parameters, "What is known belongs into `predict`.")
     check_power("starts", starts, least=1)
+    check_whole(1, max_steps=max_steps)
     data, sigma = as_float(measured, "measured"), as_float(noise, "noise")
     if not bool(jnp.all(jnp.isfinite(data))):
         raise RedundaxError(

@@ -20,9 +20,9 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import PyTree
 
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, check_call
+from .._tools._module import Numbers, check_call, check_kind, check_whole
 from .._tools._optional import optional
 from .._tools._progress import progress as told
 from ._layout import Layout, layout, named, storable
@@ -88,10 +88,9 @@ def study(
     """
     optional("xarray")
     given = _given(samples)
-    if chunk < 1:
-        raise RedundaxError(
-            f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short."
-        )
+    check_whole(1, chunk=chunk)
+    if system is not None:
+        check_system(system)
     check_call("run", run, **given)
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
     table = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
@@ -116,6 +115,7 @@ def study(
 
 
 def _given(samples: Mapping[str, Numbers]) -> dict[str, np.ndarray]:
+    check_kind("samples", samples, Mapping, "values by name", 'Write {"mu": values}, say.')
     given = {name: np.asarray(values) for name, values in samples.items()}
     sizes = {name: values.shape[:1] for name, values in given.items()}
     if len(set(sizes.values())) != 1 or not all(size and size[0] for size in sizes.values()):

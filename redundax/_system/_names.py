@@ -18,13 +18,13 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, as_float, numpy_of
+from .._tools._numbers import as_numbers
 from .._tools._words import did_you_mean
 from ._axis import Axis
 from ._units import UNSTATED, StatedUnits
@@ -297,4 +297,7 @@ def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
 
 def senses(slips: Axis, sense: ByName | None) -> Float[Array, " p"] | None:
     """Senses of the impending slip of all slips; 0 for those that are not named leaves a sense open."""
-    return None if sense is None else jnp.broadcast_to(vector("sense", sense, slips, " of slips"), (len(slips),))
+    if sense is None:
+        return None
+    given = as_numbers(vector("sense", sense, slips, " of slips"))
+    return numpy_of(given).broadcast_to(given, (len(slips),))

@@ -1,6 +1,6 @@
 """The known state (q, qd, t) at which the index-1 equations (7), (25) are solved."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import equinox as eqx
 import jax
@@ -10,12 +10,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete
+from .._tools._module import Numbers, as_float, check_kind, is_concrete
 from .._tools._numbers import Numeric
 from .._tools._table import are_known, figures, group, page
 from .._tools._value import AbstractModule
 from ._results import RESULTS, first_failure
 
+_SEVERAL = "Give a list of them, or `Trajectory.states`."
 _BY_NAME = "by name and with units: print(mechanism.table(state))"
 
 
@@ -96,7 +97,11 @@ class State(AbstractModule):
 def states_of(states: State | Sequence[State]) -> list[State]:
     """Successive states, from a sequence, or the finite ones of a `State` with an axis for them in front."""
     if not isinstance(states, State):
-        return _some(list(states))
+        check_kind("states", states, Iterable, "states", _SEVERAL)
+        each = list(states)
+        for state in each:
+            check_kind("states", state, State, "states alone", _SEVERAL)
+        return _some(each)
     if states.qd.ndim != 2 or not states.q.shape[:1] == states.t.shape == states.qd.shape[:1]:
         raise RedundaxError(
             "Argument `states` must hold several states, each array with an axis for them in front, but has `q` of "

@@ -8,9 +8,9 @@ import inspect
 import operator
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import ModuleType, UnionType
-from typing import Any, TypeVar
+from typing import Any, SupportsIndex, TypeVar
 
 import equinox as eqx
 import jax
@@ -168,6 +168,8 @@ def check_takes(argument: str, function: Callable[..., object], *given: str) -> 
 
 def check_call(name: str, function: Callable[..., object], *arguments: object, **named: object) -> None:
     """Refuse arguments that a function of the user does not take."""
+    if not callable(function):
+        raise RedundaxError(f"Argument `{name}` must be a function, but is {short(function)}. Give one by its name.")
     wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
     try:
         wanted.bind(*arguments, **named)
@@ -201,6 +203,30 @@ def check_kind(argument: str, value: object, kind: type | tuple[type, ...] | Uni
         shown = repr(value) if is_short else f"of the type {type(value).__name__}"
         shown = f"an array of shape {value.shape}" if isinstance(value, jax.Array | np.ndarray) else shown
         raise RedundaxError(f"Argument `{argument}` must be {what}, but is {shown}. {advice}")
+
+
+def check_whole(least: int, **numbers: object) -> None:
+    """Refuse what is no whole number from the least on."""
+    for argument, value in numbers.items():
+        try:
+            is_good = (
+                isinstance(value, SupportsIndex) and not isinstance(value, bool) and operator.index(value) >= least
+            )
+        except TypeError:  # of an array of several, or of numbers that are not whole
+            is_good = False
+        if not is_good:
+            raise RedundaxError(
+                f"Argument `{argument}` must be a whole number from {least} on, but is {short(value)}. Give an integer."
+            )
+
+
+def names_in(argument: str, value: Iterable[str]) -> list[str]:
+    """Names, of which a single one may stand by itself."""
+    if not isinstance(value, Iterable):
+        raise RedundaxError(
+            f"Argument `{argument}` must hold names, but is {short(value)}. Write them in quotes, as a list."
+        )
+    return [value] if isinstance(value, str) else list(value)
 
 
 def moved(q: Array, d: Array) -> Array:

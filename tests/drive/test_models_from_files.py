@@ -55,6 +55,7 @@ def test_laws_that_cannot_be_read_are_told(capsys):
         ("A=jump(1)", "unknown kind 'jump'. There are trapezoid"),
         ("A=cycloidal(1.0)", "does not fit"),
         ("A 1.0", "cannot be read. It has the form NAME=LAW"),
+        ("A=constant(1, 2)", "does not fit: too many positional arguments. Figures of constant: value"),
         ("crank=constant(0)", "There are A.angle, B.angle, C.angle"),
         ("crank=constant(0)", "Give the law to a joint, not to an actuator"),
         ("A=constant(0)", "no law has an end"),

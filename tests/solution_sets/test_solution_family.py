@@ -255,3 +255,14 @@ def test_at_rest_there_is_no_family():
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
     with pytest.raises(rx.NoSolutionError, match=r"at rest.*A, B, C, D"):
         rx.solution_family(mechanism, mechanism.state(phi=0.8))
+
+
+def test_senses_by_name_go_to_the_search_for_solutions():
+    """Of joints at rest: the solution that is found has full friction against each sense, as that of `solve`."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    rest, senses = mechanism.state(phi=0.8, rate=0.0), {"A": 1.0, "B": -1.0, "C": 1.0, "D": -1.0}
+    (found,) = rx.frictional_solutions(mechanism, rest, sense=senses)
+    np.testing.assert_array_equal(np.sign(found.friction), [-sense for sense in senses.values()])
+    loads = found.multipliers[: 2 * len(senses)].reshape(-1, 2)
+    np.testing.assert_allclose(np.abs(found.friction), 0.02 * np.linalg.norm(loads, axis=1), rtol=1e-9)
+    np.testing.assert_allclose(found.friction, rx.solve(mechanism, rest, sense=senses).friction, rtol=1e-9)

@@ -316,7 +316,7 @@ def test_solutions_have_names_and_outcomes(tmp_path):
         (lambda x: x, {"x": X}, {}, "must return a dict of arrays or a `Solution`"),
         (lambda x: {}, {"x": X}, {}, "must return arrays, but returns none"),
         (lambda x: {"y": x + 1j}, {"x": X}, {}, "'y' has dtype complex128"),
-        (run, None, {"chunk": 0}, "`chunk` must be at least 1"),
+        (run, None, {"chunk": 0}, "`chunk` must be a whole number from 1 on"),
         (run, None, {"path": "study.txt"}, "`path` must end in .nc"),
         (run, None, {"path": "nowhere/study.nc"}, "lie in a folder that exists"),
     ],

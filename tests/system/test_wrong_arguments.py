@@ -126,6 +126,40 @@ KINDS = {
     "rank too large": (lambda: rx.solve(PENDULUM, STATE, rank=3), "2 rows and 3 coordinates, but is 3"),
     "rank of a motion": (lambda: rx.simulate(PENDULUM, STATE, 1.0, rank=1.5), r"`rank` .* but is 1\.5"),
     "a sense": (lambda: rx.solve(PENDULUM, STATE, sense="left"), "`sense` must be a number"),
+    "nodes a word": (lambda: rx.band(PENDULUM, STATE, "A.x", nodes="many"), "`nodes` must be a whole .* but is 'many'"),
+    "no nodes": (lambda: rx.limit_load(PENDULUM, STATE, {"rod.phi": 1.0}, nodes=-3), "`nodes` .* from 1 on, but is -3"),
+    "seed": (lambda: rx.sticking(PENDULUM, STATE, seed="x"), "`seed` must be a whole number from 0 on, but is 'x'"),
+    "starts": (lambda: rx.frictional_solutions(PENDULUM, STATE, starts=2.5), r"`starts` .* but is 2\.5"),
+    "samples": (lambda: rx.solution_family(PENDULUM, STATE, samples=0), "`samples` .* from 1 on, but is 0"),
+    "steps": (lambda: rx.simulate(PENDULUM, STATE, 1.0, max_steps=[3]), r"`max_steps` .* but is \[3\]"),
+    "two ends": (lambda: rx.simulate(PENDULUM, STATE, [1.0, 2.0]), r"`t1` must be a number, but has shape \(2,\)"),
+    "outputs a number": (lambda: rx.band(PENDULUM, STATE, 3, SOFT), "`outputs` must hold names, but is 3"),
+    "held a number": (
+        lambda: rx.drive(PENDULUM, {"A.angle": rx.Harmonic(0.1, 1.0)}, [0.0, 1.0], STATE.q, hold=3),
+        "`hold` must hold names, but is 3",
+    ),
+    "states a number": (lambda: rx.band_along(PENDULUM, 3, "A.x"), "`states` must be states, but is 3"),
+    "no states": (lambda: rx.analyze_along(PENDULUM, [STATE, 3]), "`states` must be states alone, but is 3"),
+    "positions": (lambda: rx.assemble(PENDULUM, positions=3), "`positions` must be numbers by name, but is 3"),
+    "rates": (lambda: rx.assemble(PENDULUM, rates="fast"), "`rates` must be numbers by name, but is 'fast'"),
+    "a position a word": (
+        lambda: rx.assemble(PENDULUM, STATE.q, positions={"A.angle": "x"}),
+        "`positions` must be a number",
+    ),
+    "two times": (lambda: rx.assemble(PENDULUM, STATE.q, t=[1.0, 2.0]), r"`t` must be a number, but has shape \(2,\)"),
+    "no function to run": (lambda: rx.study(3, {"mu": np.ones(3)}), "`run` must be a function, but is 3"),
+    "no samples": (lambda: rx.study(lambda mu: mu, 3), "`samples` must be values by name, but is 3"),
+    "chunk": (lambda: rx.study(lambda mu: mu, {"mu": np.ones(3)}, chunk="x"), "`chunk` must be a whole number"),
+    "no distributions": (lambda: rx.tolerance_study(lambda a: a, 3), "`parameters` must be distributions by name"),
+    "percentiles": (
+        lambda: rx.tolerance_study(lambda a: a, {"a": rx.Normal(0.0, 1.0)}, percentiles=5.0),
+        "`percentiles` must lie between",
+    ),
+    "size": (
+        lambda: rx.ensemble(lambda a: a, {"a": rx.Normal(0.0, 1.0)}, system=PENDULUM, size=None),
+        "`size` must be a whole number",
+    ),
+    "mean": (lambda: rx.Normal("x", 1.0), "`mean` must be a number"),
 }
 NUMBERS = {
     "mass NaN": (lambda: rx.Body("rod", NAN, 0.1), "`mass` of body 'rod' must be finite, but is nan"),
@@ -163,6 +197,10 @@ NUMBERS = {
         "`guide_length` of joint 'K' must be positive",
     ),
     "no coefficients": (lambda: rx.Polynomial([]), r"`coefficients` must be a list .*\(0,\)"),
+    "arm of sliding": (
+        lambda: rx.GearPair("M", "rod", "ground", HERE, HERE, (20, 40), 0.002, sliding_arm=-1.0),
+        "`sliding_arm` must not be negative",
+    ),
     "planets that overlap": (lambda: rx.mechanisms.planetary(7), "`planets` must leave room .* 7 overlap"),
     "in space too": (
         lambda: rs.Distance("D", BAR, "ground", (0, 0, 0), (0, 0, 0)),

@@ -148,13 +148,14 @@ def check_mesh(mesh: AbstractMesh) -> None:
             f"Argument `flank` of '{mesh.name}' must be 1 or -1, but is {mesh.flank}. Give 1 where the force on its "
             "teeth turns body i counterclockwise."
         )
-    if mesh.backlash is not None:
-        not_negative("backlash", mesh.backlash)
-        if is_concrete(mesh.flank) and int(mesh.flank) != 1:
-            raise RedundaxError(
-                f"Argument `flank` of '{mesh.name}' must be left out where `backlash` is given, but is {mesh.flank}: "
-                "both flanks are there then."
-            )
+    for name in ("sliding_arm", "backlash"):
+        if (value := getattr(mesh, name)) is not None:
+            not_negative(name, value)
+    if mesh.backlash is not None and is_concrete(mesh.flank) and int(mesh.flank) != 1:
+        raise RedundaxError(
+            f"Argument `flank` of '{mesh.name}' must be left out where `backlash` is given, but is {mesh.flank}: "
+            "both flanks are there then."
+        )
 
 
 def tip_path(radius: Numeric, other: Numeric, module: Numeric, pressure_angle: Numeric) -> Numeric:

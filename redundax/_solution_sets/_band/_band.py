@@ -31,7 +31,7 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
-from ..._tools._module import finite, replace_fields
+from ..._tools._module import check_whole, finite, replace_fields
 from ..._tools._questions import question
 from ..._tools._table import figures, group, page, text_of
 from .._at_rest import is_still, sense_of_start
@@ -182,6 +182,13 @@ class Effort(NamedTuple):
     nodes: int
 
 
+def effort_of(samples: int, starts: int, seed: int, nodes: int) -> Effort:
+    """The same, checked."""
+    check_whole(0, samples=samples, starts=starts, seed=seed)
+    check_whole(1, nodes=nodes)
+    return Effort(samples, starts, seed, nodes)
+
+
 _EMPTY = "NO SOLUTION within the bounds was found."
 _STANDS = {
     "yes": "At rest: it can stand so, held by friction within its limits.",
@@ -243,9 +250,9 @@ def band(
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
     check_system_at(system, state)
-    bounds = checked_bounds(bounds, system)
+    effort, bounds = effort_of(samples, starts, seed, nodes), checked_bounds(bounds, system)
     asked, sense = asked_at(system, state, rank, factor, sense)
-    return bands_of(system, asked, state, outputs, bounds, sense, Effort(samples, starts, seed, nodes))
+    return bands_of(system, asked, state, outputs, bounds, sense, effort)
 
 
 def asked_at(

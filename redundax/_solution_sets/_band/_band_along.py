@@ -30,7 +30,7 @@ from ..._tools._questions import question
 from ..._tools._table import text_of, without_rounding
 from .._at_rest import free_slips, is_still
 from .._bounds import AbstractBounds, checked_bounds
-from ._band import Bands, Effort, asked_at, bands_of
+from ._band import Bands, asked_at, bands_of, effort_of
 
 if TYPE_CHECKING:
     import pandas
@@ -303,7 +303,7 @@ def band_along(
     """
     check_system(system)
     each, found, slips, contacts, moves = states_of(states), [], [], [], []
-    bounds, effort = checked_bounds(bounds, system), Effort(samples, starts, seed, nodes)
+    bounds, effort = checked_bounds(bounds, system), effort_of(samples, starts, seed, nodes)
     for k, state in enumerate(each):
         try:
             (at, report), own = asked_at(system, state, rank, None, sense)

@@ -14,6 +14,7 @@ from ..._system._names import index_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._errors import RedundaxError
+from ..._tools._module import names_in
 from .._solution_set import SolutionSet
 
 
@@ -34,7 +35,7 @@ class Wanted(NamedTuple):
 def wanted_outputs(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> Wanted:
     """Those of these names, all accelerations of coordinates where there are none."""
     known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
-    names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
+    names = known["acceleration"][0] if outputs is None else names_in("outputs", outputs)
     if not names:
         raise RedundaxError(
             "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."

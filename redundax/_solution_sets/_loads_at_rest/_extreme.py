@@ -114,6 +114,16 @@ class LoadsAtRest:
         wider = _ROUNDING * max(1.0, abs(bound)) if np.isfinite(bound) and cost.any() else 0.0
         return Extreme(size * best.value, best.x, size * (bound + wider))
 
+    def reach(self, sign: float, x: np.ndarray, end: float) -> float:
+        """How far the last unknown, times its sign, goes on from possible loads to an end within what is possible."""
+        box, cost, place = self.relaxed.programme.box.copy(), np.zeros(len(x)), sign * x[-1]
+        box[-1], cost[-1] = sorted((sign * place, sign * end)), sign
+        part = self.narrowed(box).relaxed
+        part.cuts.clear()
+        for planes in part.planes:
+            planes.clear()
+        return max(place, part.inner(cost, x)[0].value)
+
     def _kept(self, found: Optimum) -> bool:
         """Whether limits are kept where a programme found its largest value, and far out if that has no bound."""
         ways = [(found.x, False), (found.ray, True)][: 1 if np.isfinite(found.value) else 2]

@@ -27,7 +27,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
-from ..._tools._module import replace_fields
+from ..._tools._module import check_whole, replace_fields
 from ..._tools._numbers import Numeric, xp
 from ..._tools._questions import question
 from ..._tools._table import text_of
@@ -47,7 +47,9 @@ from ._standing import AddedLoad, standing
 _MINIMUM_NORM = MinimumNorm()
 _FIRST, _MORE, _LAST = 4.0, 8.0, 1e6  # amounts that are looked at, relative to what friction without it holds
 _REACHED = 0.99  # share of the amounts looked at from which their end counts as reached
-_SHARES, _GAPS = 8, 6  # of the amounts that are borne, to ask for gaps between them; and gaps in a row
+_STEP, _LONGEST = 1e-6, 0.125  # beyond amounts known to be borne: the least, relative to these, and the largest
+_HALVED = 12  # how often, to find how far a gap reaches
+_GAPS = 6  # that are followed back, as a long step may pass a nearer one
 _WHATEVER = "\nWhatever that is, contacts that only push decide alone here what stands"
 
 
@@ -183,6 +185,7 @@ def limit_load(
     **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
     """
     check_system_at(system, state)
+    check_whole(1, nodes=nodes)
     bounds = checked_bounds(bounds, system, _MINIMUM_NORM)
     state, names = replace_fields(state, memory=()), system.names
     (system, factor, pushing), report = analyzed(system, state, rank, factor, lifting=True)
@@ -275,11 +278,18 @@ def _end(
 ) -> _End:
     """The end of the amounts that are borne; they are looked at up to bounds that grow until none is reached."""
     (first, force), most = given, _FIRST
+    start, empty = None, 0.0
+    extreme, looked, at = Extreme(-np.inf, None, -np.inf), None, 0
     while True:
         added = first._replace(most=most * first.most)
         sets = [standing(system, state, factor, solutions, cases, added) for cases in all_cases]
         parts = [LoadsAtRest(part.programme, most=nodes) for part in sets]
-        extreme, looked, at = _first_end(parts, sign)
+        amounts = _Amounts(parts, sign)
+        if start is None:
+            some, none = amounts.start(empty / most)
+            start, empty = None if some is None else most * some, most if none else empty
+        if start is not None:
+            extreme, looked, at = amounts.first_end(start / most)
         reached = extreme.x is None or looked is None
         if not reached or most >= _LAST:
             break
@@ -296,7 +306,7 @@ def _end(
     return _End(
         sign * extreme.value * size + 0.0,
         sign * (extreme.bound * size if found.proved and extreme.bound < looked else np.inf),
-        sign * looked * size,
+        float(sign * looked * size),
         way.slips,
         way.motion,
         found.figures(extreme.x),
@@ -307,45 +317,72 @@ def _end(
     )
 
 
-def _first_end(sets: Sequence[LoadsAtRest], sign: float) -> tuple[Extreme, float | None, int]:
-    """The largest amount, times its sign, that can be reached without one that was found not to be borne.
+class _Amounts:
+    """Amounts, times a sign and relative to the largest that are looked at, that any of some sets allows."""
 
-    What any of some sets allows is borne. Amounts start at zero, or where that is not borne at any that is.
-    Shares between there and the end are asked for, and the first that is not borne bounds those that are looked at.
-    With it, how far amounts were looked at, None where all of them are borne; and whose extreme it is.
-    """
+    def __init__(self, sets: Sequence[LoadsAtRest], sign: float):
+        self.sets, self.sign, self.order = sets, sign, list(range(len(sets)))
 
-    order = list(range(len(sets)))
-
-    def between(low: float, high: float, *, first: bool = False) -> tuple[Extreme, int]:
-        best, at, bound = Extreme(-np.inf, None, -np.inf), order[0], -np.inf
-        for k in list(order):
-            box, cost = sets[k].relaxed.programme.box.copy(), np.zeros(len(sets[k].relaxed.programme.box))
-            box[-1], cost[-1] = sorted((sign * low, sign * high)), 0.0 if first else sign
-            found = sets[k].narrowed(box).extreme(cost, first=first, beyond=best.value)
+    def between(self, low: float, high: float, *, first: bool = False) -> tuple[Extreme, int]:
+        """The largest, or any, and whose it is."""
+        best, at, bound = Extreme(-np.inf, None, -np.inf), self.order[0], -np.inf
+        for k in list(self.order):
+            relaxed = self.sets[k].relaxed
+            box, cost = relaxed.programme.box.copy(), np.zeros(len(relaxed.programme.box))
+            box[-1], cost[-1] = sorted((self.sign * low, self.sign * high)), 0.0 if first else self.sign
+            found = self.sets[k].narrowed(box).extreme(cost, first=first, beyond=best.value)
             bound = max(bound, found.bound)
             if found.value > best.value:
                 best, at = found, k
-                order.sort(key=lambda other: other != k)  # it is asked first from here on
+                self.order.sort(key=lambda other: other != k)  # it is asked first from here on
             if first and found.x is not None:
                 break
         return best._replace(bound=bound), at
 
-    start, looked = 0.0, 1.0
-    if between(0.0, 0.0, first=True)[0].x is None:
-        some, at = between(-1.0, 1.0, first=True)
-        if some.x is None:
-            return some, None, at
-        start = sign * some.x[-1]
-    extreme, at = between(start, looked)
-    for _ in range(_GAPS):
-        places = start + (min(extreme.value, looked) - start) * np.arange(1, _SHARES) / _SHARES
-        gap = next((place for place in places if between(place, place, first=True)[0].bound == -np.inf), None)
-        if gap is None:
-            break
-        looked = gap
-        extreme, at = between(start, gap)
-    return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked, at
+    def start(self, empty: float) -> tuple[float | None, bool]:
+        """Zero, or where that is not borne any that is, beyond those known to be `empty`; and whether none is, proved.
+
+        Among more amounts rounding is larger than what is missing to bear the few that are known not to be borne.
+        """
+        ways = [(empty, 1.0), (-1.0, -empty)] if empty else [(0.0, 0.0), (-1.0, 1.0)]
+        bound = -np.inf
+        for low, high in ways:
+            found, _ = self.between(low, high, first=True)
+            if found.x is not None:
+                return float(self.sign * found.x[-1]), False
+            bound = found.bound if not empty else max(bound, found.bound)
+        return None, bound == -np.inf
+
+    def first_end(self, start: float) -> tuple[Extreme, float | None, int]:
+        """The largest that can be reached from a start without one that was found not to be borne.
+
+        Loads are followed as far as what is convex beside them reaches, and a step further others are sought; the first
+        amount without any bounds those that are looked at. With it, how far amounts were looked at, None where all of
+        them are borne; and whose extreme it is.
+        """
+        looked = 1.0
+        extreme, at = self.between(start, looked)
+        for _ in range(_GAPS):
+            gap = self._first_gap(start, min(extreme.value, looked))
+            if gap is None:
+                break
+            looked = gap
+            extreme, at = self.between(start, gap)
+        return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked, at
+
+    def _first_gap(self, place: float, end: float) -> float | None:
+        """How far the first amounts from a place to an end reach of which none was found to be borne."""
+        step = 0.0
+        while place < end:
+            found, at = self.between(place, place, first=True)
+            if found.bound == -np.inf:
+                ends = place + (end - place) * 0.5 ** np.arange(_HALVED)
+                return next((far for far in ends if self.between(place, far, first=True)[0].bound == -np.inf), place)
+            reached = place if found.x is None else self.sets[at].reach(self.sign, found.x, end)
+            least = _STEP * max(abs(place), 1e-2)
+            step = least if reached > place + least else min(max(2 * step, least), _LONGEST)
+            place = max(place, reached) + step
+        return None
 
 
 def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:

@@ -95,7 +95,8 @@ class ManyFreedoms:
         Extremes are those of the margin and of what friction holds of each part.
         """
         ends, score = self._states(theta)
-        if not len(score) or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
+        one = not theta.shape[-1] or not len(score)
+        if one or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
             return ends
 
         def look(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import replace_fields
+from ..._tools._module import check_whole, replace_fields
 from ..._tools._questions import question
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
@@ -87,6 +87,7 @@ def sticking(
     """
     check_bounds(bounds)
     check_system_at(system, state)
+    check_whole(0, samples=samples, starts=starts, seed=seed)
     state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     system, factor, pushing = held(system, state, rank, factor)
     start = drive(system, state, factor)
@@ -104,7 +105,7 @@ def sticking(
     fixed = isinstance(bounds, AbstractClosure) or not report.friction_reads
     many = ManyFreedoms(search, start, len(theta), reads=not fixed)
     ends = many.ends(theta, seed)
-    ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
+    ends = _with_wedged(ends, system, state, factor, bounds, report)
     _check_pushes(ends, pushing, report)
     verdict = _verdict(ends)
     known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
@@ -179,7 +180,7 @@ def _with_wedged(
     report: Report,
 ) -> Ends:
     """With a state of joints that wedge themselves, where none was found that friction holds."""
-    if np.any(ends.margin >= -LIMIT):
+    if np.any(ends.margin >= -LIMIT) or not system.friction:
         return ends
     resting = solution_set(system, state, factor, report.self_stress, None)
     held = wedged(system, state, factor, resting, cases_of(bounds, system, state, report, resting))
