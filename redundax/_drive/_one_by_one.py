@@ -154,7 +154,8 @@ def _closed(system: AbstractSystem, q: Array, qd: Array, t: Array) -> Bool[Array
 
 def _overlaps(system: AbstractSystem, path: Path, rows: list[int]) -> Float[np.ndarray, "times rows"]:
     """Minus the gaps of contacts along a motion, relative to the size of the system."""
-    return np.asarray(path.scale.violations(_constraints(system.anonymous, jnp.asarray(path.q), path.t)))[:, rows]
+    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
+    return np.asarray(at)[:, rows] / np.asarray(path.scale.rows)[rows] / float(path.scale.size)
 
 
 @as_program
