@@ -24,8 +24,10 @@ from typing import NamedTuple, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .._equations._kinematics import slip_rate
 from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import batch_any, or_zeros
@@ -35,8 +37,9 @@ from ._linear import AnyLinear, least_friction
 from ._moving import NONE, STILL, Context, Equations, Moving, Solved, rechart
 from ._stick import Mode, mode_at, mode_of
 
-# Halvings of a step: the square of what is left is below rounding. Looks at rest, and in a motion at least.
-_HALVINGS, LOOKS = 30, 100
+# Halvings of a step: the square of what is left is below rounding. Looks at rest, and in a motion while joints stick;
+# looks within a step at joints that slip, which is what its dense output resolves.
+_HALVINGS, LOOKS, _FEW = 30, 100, 8
 # Part of the step to both sides over which h' is a difference, and that Newton's method on the time may have left of
 # the way to a stop before its last step: its square is lost to curvature.
 _APART = 2.0**-14
@@ -229,7 +232,7 @@ def look(
     turn are looked at in between too.
     """
     width, waits = step.end - step.start, step.rests & ~step.lands
-    most, directed = _looks(step), False if equations.directions is None else equations.directions.directed
+    most, directed = _looks(equations, step, between), _directed(equations)
 
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
@@ -297,10 +300,26 @@ def look(
     return found.seen, found.plan, found.well, found.cut
 
 
-def _looks(step: Step) -> Array:
-    """How often a step is looked at."""
-    most = jnp.clip(jnp.ceil((step.end - step.start) / step.apart), 1, LOOKS).astype(int)
-    return jnp.where(step.lands, 1, jnp.where(step.rests, LOOKS, most))
+def _looks(equations: Equations, step: Step, between: Callable[[Array], Moving]) -> Array:
+    """How often a step is looked at: in time where joints stick, and where one has slipped back in between."""
+    width = step.end - step.start
+    in_time = jnp.clip(jnp.ceil(width / step.apart), 1, LOOKS).astype(int)
+
+    def goes_back(part: Array) -> Bool[Array, ""]:
+        t = step.start + width * part
+        y, _ = rechart(equations.system, between(t))
+        against = _against(equations, slip_rate(equations.system, y.at(t)), step.along) * equations.slip_size
+        return jnp.any((against > tolerance_of(NONE, against) * equations.speed) & ~_directed(equations))
+
+    back = jnp.any(jax.vmap(goes_back)(jnp.arange(1, _FEW) / _FEW))
+    looks = jnp.maximum(jnp.where(back, _FEW, 1), jnp.where(jnp.any(equations.sticking), in_time, 1))
+    return jnp.where(step.lands, 1, jnp.where(step.rests, LOOKS, looks))
+
+
+def _directed(equations: Equations) -> np.ndarray:
+    """Which slips have a direction with others."""
+    directions = equations.directions
+    return np.zeros(len(equations.sensed), bool) if directions is None else directions.directed
 
 
 def _cuts(equations: Equations, step: Step, t: Array) -> Bool[Array, ""]:

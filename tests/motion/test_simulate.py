@@ -252,7 +252,8 @@ def test_arguments_that_do_not_fit_are_refused():
     with pytest.raises(rx.RedundaxError, match=r"jax\.vmap"):
         rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)
     for option in ("rtol", "dt0", "max_steps", "max_phases"):
-        with pytest.raises(rx.RedundaxError, match=f"`{option}` must be positive"):
+        least = "positive" if option in ("rtol", "dt0") else "a whole number from 1 on"
+        with pytest.raises(rx.RedundaxError, match=f"`{option}` must be {least}"):
             rx.simulate(system, state, T1, **{option: 0})
 
 
