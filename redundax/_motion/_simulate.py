@@ -124,9 +124,9 @@ def simulate(
     events, with their derivatives. Which joints stick is decided for all together: a joint at its bound may be held by
     others. Sleeves, balls and plates in space stop, stick and are let go as wholes, in any direction; derivatives
     are NaN past a release that loads touch without growing. A mechanism at rest stays there until its loads let it
-    go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does. Joints that
-    stick while others move are looked at as often, those that slip eight times a step: what lets one go, or stops it,
-    for less time is not seen.
+    go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does. Joints of a
+    mechanism that moves are looked at as often: what stops one, or lets it go, for less time is not seen. Those of
+    sleeves, balls and plates that slip are looked at as steps end.
 
     One-sided contacts open where their load passes zero and close where their gap does, with an impact: velocities
     after it are the nearest in the metric of the mass at which none approaches. Both are events of the same kind, and

@@ -37,8 +37,8 @@ from ._linear import AnyLinear, least_friction
 from ._moving import NONE, STILL, Context, Equations, Moving, Solved, rechart
 from ._stick import Mode, mode_at, mode_of
 
-# Halvings of a step: the square of what is left is below rounding. Looks at rest, and in a motion while joints stick;
-# looks within a step at joints that slip, which is what its dense output resolves.
+# Halvings of a step: the square of what is left is below rounding. Looks at rest, and in a motion at least; and in a
+# step at least, which is what its dense output resolves.
 _HALVINGS, LOOKS, _FEW = 30, 100, 8
 # Part of the step to both sides over which h' is a difference, and that Newton's method on the time may have left of
 # the way to a stop before its last step: its square is lost to curvature.
@@ -301,18 +301,19 @@ def look(
 
 
 def _looks(equations: Equations, step: Step, between: Callable[[Array], Moving]) -> Array:
-    """How often a step is looked at: in time where joints stick, and where one has slipped back in between."""
-    width = step.end - step.start
-    in_time = jnp.clip(jnp.ceil(width / step.apart), 1, LOOKS).astype(int)
+    """How often a step is looked at: once where all joints slip, unless one has slipped back in between."""
+    width, sticks = step.end - step.start, jnp.any(equations.sticking)
+    most = jnp.clip(jnp.ceil(width / step.apart), jnp.where(sticks, 1, _FEW), LOOKS).astype(int)
 
-    def goes_back(part: Array) -> Bool[Array, ""]:
-        t = step.start + width * part
+    def slips_back(k: Array) -> Bool[Array, ""]:
+        t = step.start + width * (k / most)
         y, _ = rechart(equations.system, between(t))
         against = _against(equations, slip_rate(equations.system, y.at(t)), step.along) * equations.slip_size
         return jnp.any((against > tolerance_of(NONE, against) * equations.speed) & ~_directed(equations))
 
-    back = jnp.any(jax.vmap(goes_back)(jnp.arange(1, _FEW) / _FEW))
-    looks = jnp.maximum(jnp.where(back, _FEW, 1), jnp.where(jnp.any(equations.sticking), in_time, 1))
+    asked = ~(step.lands | step.rests | sticks)
+    first = jax.lax.while_loop(lambda k: asked & (k < most) & ~slips_back(k), lambda k: k + 1, jnp.ones((), most.dtype))
+    looks = jnp.where(asked & (first == most), 1, most)
     return jnp.where(step.lands, 1, jnp.where(step.rests, LOOKS, looks))
 
 

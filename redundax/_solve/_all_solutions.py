@@ -25,7 +25,7 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
-from .._tools._module import check_whole, floats, replace_fields
+from .._tools._module import check_seed, check_whole, floats, replace_fields
 from .._tools._numbers import Numeric, or_one, xp
 from .._tools._questions import question
 from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows
@@ -72,7 +72,8 @@ def frictional_solutions(
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, as `solve` does.
     """
     check_system(system)
-    check_whole(0, starts=starts, seed=seed)
+    check_whole(0, starts=starts)
+    check_seed(seed)
     if system.names.one_sided:
         refuse_declared(system.names, rank=rank, factor=factor)
         return _with_contacts(system, state, closure, senses(system.slips, sense), (starts, seed))

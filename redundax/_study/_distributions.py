@@ -5,12 +5,12 @@ means and percentiles of smooth outputs converge nearly as 1/N where random samp
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, check_kind, check_whole, floats
+from .._tools._module import Numbers, check_kind, check_seed, check_whole, floats
 
 _BITS = 30  # of the Sobol points
 
@@ -98,6 +98,16 @@ def check_distributions(parameters: Mapping[str, AbstractDistribution], rest: st
         )
 
 
+def check_percentiles(percentiles: Sequence[float], least: int) -> None:
+    """Refuse what are not at least so many."""
+    given = np.asarray(floats(percentiles, "percentiles"))
+    if given.ndim != 1 or given.size < least or not np.all((given >= 0) & (given <= 100)):
+        some = "numbers" if least == 1 else "two or more numbers"
+        raise RedundaxError(
+            f"Argument `percentiles` must hold {some} from 0 to 100, but is {percentiles}. Give [5, 95], say."
+        )
+
+
 def check_power(name: str, count: int, least: int = 2) -> None:
     """Refuse a number of Sobol points that is no power of two."""
     check_whole(1, **{name: count})
@@ -110,7 +120,7 @@ def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: in
     """Samples of every parameter, shape (N, ...)."""
     from scipy.stats import qmc
 
-    check_whole(0, seed=seed)
+    check_seed(seed)
     sizes = [one.nominal.size for one in parameters.values()]
     points = qmc.Sobol(sum(sizes), bits=_BITS, rng=seed).random(samples)
     points += 0.5**_BITS / 2  # the middle of the cells, which are the points' lower ends: 0 has no finite quantile

@@ -19,8 +19,8 @@ from .._system._names import KEPT
 from .._system._results import result_codes
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, check_kind, floats
-from ._distributions import AbstractDistribution, check_power, sobol
+from .._tools._module import Numbers, check_kind
+from ._distributions import AbstractDistribution, check_percentiles, check_power, sobol
 from ._layout import SAMPLE, outcomes
 from ._study import study, whole
 
@@ -115,11 +115,7 @@ def _drawn(
     count = fixed[0] if fixed else size
     if drawn:
         check_power("samples" if fixed else "size", count)
-    given = np.asarray(floats(percentiles, "percentiles"))
-    if given.ndim != 1 or given.size < 2 or not np.all((given >= 0) & (given <= 100)):
-        raise RedundaxError(
-            f"Argument `percentiles` must hold two or more from 0 to 100, but is {percentiles}. Give 5 and 95, say."
-        )
+    check_percentiles(percentiles, 2)
     return drawn, count
 
 

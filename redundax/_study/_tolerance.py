@@ -26,8 +26,8 @@ from .._system._names import QUANTITIES
 from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import check_call, floats
-from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol
+from .._tools._module import check_call
+from ._distributions import AbstractDistribution, check_distributions, check_percentiles, check_power, entries, sobol
 from ._layout import SAMPLE, named, outcomes
 from ._study import study, whole
 
@@ -144,11 +144,7 @@ def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percent
         raise RedundaxError(
             f"Argument `parameters` must not hold {lost}, which are names of statistics. Choose others."
         )
-    given = np.asarray(floats(percentiles, "percentiles"))
-    if given.ndim != 1 or not given.size or not np.all((given >= 0) & (given <= 100)):
-        raise RedundaxError(
-            f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give them in per cent."
-        )
+    check_percentiles(percentiles, 1)
 
 
 class _Linear(NamedTuple):

@@ -220,6 +220,16 @@ def check_whole(least: int, **numbers: object) -> None:
             )
 
 
+def check_seed(seed: object) -> None:
+    """Refuse what no random numbers of NumPy begin with."""
+    try:
+        np.random.default_rng(seed)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    except (TypeError, ValueError) as error:
+        raise RedundaxError(
+            f"Argument `seed` must be a whole number from 0 on, but is {short(seed)}. Give an integer."
+        ) from error
+
+
 def names_in(argument: str, value: Iterable[str]) -> list[str]:
     """Names, of which a single one may stand by itself."""
     if not isinstance(value, Iterable):

@@ -140,7 +140,7 @@ def stub(rate, t=(0.0, 1.0), n=2):
     ("given", "message"),
     [
         ({"size": 6}, r"Argument `size` must give a power of two points, but gives 6. 8 is one."),
-        ({"percentiles": [101]}, r"Argument `percentiles` must hold two or more from 0 to 100"),
+        ({"percentiles": [101]}, r"Argument `percentiles` must hold two or more numbers from 0 to 100"),
         ({"run": lambda rate: stub(rate, n=3)}, r"Argument `system` must be the one whose motions `run` gives"),
         ({"run": lambda rate: {"x": rate}}, r"Argument `run` must give a `Trajectory`, but its result has no t, q"),
         (

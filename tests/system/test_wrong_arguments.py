@@ -153,7 +153,7 @@ KINDS = {
     "no distributions": (lambda: rx.tolerance_study(lambda a: a, 3), "`parameters` must be distributions by name"),
     "percentiles": (
         lambda: rx.tolerance_study(lambda a: a, {"a": rx.Normal(0.0, 1.0)}, percentiles=5.0),
-        "`percentiles` must lie between",
+        "`percentiles` must hold numbers from 0 to 100",
     ),
     "size": (
         lambda: rx.ensemble(lambda a: a, {"a": rx.Normal(0.0, 1.0)}, system=PENDULUM, size=None),

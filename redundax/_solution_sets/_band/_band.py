@@ -31,7 +31,7 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
-from ..._tools._module import check_whole, finite, replace_fields
+from ..._tools._module import check_seed, check_whole, finite, replace_fields
 from ..._tools._questions import question
 from ..._tools._table import figures, group, page, text_of
 from .._at_rest import is_still, sense_of_start
@@ -184,7 +184,8 @@ class Effort(NamedTuple):
 
 def effort_of(samples: int, starts: int, seed: int, nodes: int) -> Effort:
     """The same, checked."""
-    check_whole(0, samples=samples, starts=starts, seed=seed)
+    check_whole(0, samples=samples, starts=starts)
+    check_seed(seed)
     check_whole(1, nodes=nodes)
     return Effort(samples, starts, seed, nodes)
 

@@ -30,7 +30,7 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import check_whole, replace_fields
+from ..._tools._module import check_seed, check_whole, replace_fields
 from ..._tools._questions import question
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
@@ -87,7 +87,8 @@ def sticking(
     """
     check_bounds(bounds)
     check_system_at(system, state)
-    check_whole(0, samples=samples, starts=starts, seed=seed)
+    check_whole(0, samples=samples, starts=starts)
+    check_seed(seed)
     state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     system, factor, pushing = held(system, state, rank, factor)
     start = drive(system, state, factor)
