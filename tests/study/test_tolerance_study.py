@@ -94,7 +94,7 @@ def test_too_few_solutions_are_refused():
         (lambda: rx.tolerance_study(line, {"std": A}), "`parameters` must not hold .'std'"),
         (lambda: rx.tolerance_study(lambda a: {"mean": a}, {"a": A}), "`build` must not call outputs .'mean'"),
         (lambda: rx.tolerance_study(lambda a: {"y": a}, {"a": A}, samples=1000), "power of two.*1024 is one"),
-        (lambda: rx.tolerance_study(lambda a: {"y": a}, {"a": A}, percentiles=(5, 101)), "between 0 and 100"),
+        (lambda: rx.tolerance_study(lambda a: {"y": a}, {"a": A}, percentiles=(5, 101)), "numbers from 0 to 100"),
         (lambda: rx.tolerance_study(lambda a: {"y": a > 0}, {"a": A}), "`build` must return arrays of real numbers"),
     ],
 )
