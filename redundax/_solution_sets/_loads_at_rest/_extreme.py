@@ -118,11 +118,7 @@ class LoadsAtRest:
         """How far the last unknown, times its sign, goes on from possible loads to an end within what is possible."""
         box, cost, place = self.relaxed.programme.box.copy(), np.zeros(len(x)), sign * x[-1]
         box[-1], cost[-1] = sorted((sign * place, sign * end)), sign
-        part = self.narrowed(box).relaxed
-        part.cuts.clear()
-        for planes in part.planes:
-            planes.clear()
-        return max(place, part.inner(cost, x)[0].value)
+        return max(place, self.relaxed.narrowed(box).inner(cost, x)[0].value)
 
     def _kept(self, found: Optimum) -> bool:
         """Whether limits are kept where a programme found its largest value, and far out if that has no bound."""
