@@ -173,7 +173,7 @@ class AbstractFrictionProblem(abc.ABC):
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p), or its products.
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
-    - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
+    - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0, whichever way joints slide.
     - `unsized`: whether a kind has no friction at the first sweep, so that its size says nothing.
     - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
       change of friction is no larger change of the loads; of products rho0 alone.
@@ -199,7 +199,8 @@ class AbstractFrictionProblem(abc.ABC):
         """The problem, given which loads are moments."""
         angular_slips = xp.asarray(slip_kinds(law.groups).angular)
         given, effect, friction = stop_gradient((rho0, gain, law))
-        first = xp.abs(friction(given))
+        first, directions = xp.abs(friction(given)), directions_of(friction.groups)
+        first = first if directions is None else directions.whole(first)
         friction_sizes = Sizes.of(first, angular_slips)
         unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
         load_sizes = Sizes.of(cls.reached(xp.abs(given), effect, angular_slips, friction_sizes), angular_loads)

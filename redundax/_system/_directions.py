@@ -12,7 +12,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._tools._numbers import known, xp
+from .._tools._numbers import Numeric, known, xp
 from .._tools._value import AbstractModule
 from ._friction import AbstractFriction
 
@@ -68,6 +68,11 @@ class Directions(AbstractModule):
     def reach(self, sizes: Float[Array, " p"]) -> Float[Array, " p"]:
         """The largest size of a slip by unit velocity of its joint's surfaces."""
         return xp.max(xp.where(self.same, sizes / self.arms, 0.0), axis=1)
+
+    def whole(self, friction: Float[Numeric, "... p"]) -> Float[Numeric, "... p"]:
+        """Sizes of frictions as they are along their joint's largest: none is small as its surfaces slide across it."""
+        force = xp.abs(friction / self.arms)
+        return self.arms * xp.max(xp.where(self.same, force[..., None, :], 0.0), axis=-1)
 
     def past(self, rate: Float[Array, " p"], direction: Float[Array, " p"]) -> Float[Array, " p"]:
         """Slip rates with those turned round that are against a direction: so friction goes on smoothly past a stop."""

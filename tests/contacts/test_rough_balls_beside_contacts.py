@@ -186,3 +186,31 @@ def test_an_arm_on_a_rough_sleeve_falls_onto_a_stop_turns_on_it_and_comes_to_res
     np.testing.assert_allclose(motion.impacts.t[0], strikes, rtol=1e-9)
     np.testing.assert_allclose(motion.qd[:, 5], [at(t) for t in np.asarray(motion.t)], rtol=0, atol=1e-8)
     assert 0 < strikes < stops
+
+
+def test_an_arm_slides_along_its_rough_sleeve_as_a_stop_keeps_it_from_turning():
+    """Friction about the sleeve is none but rounding, which is no size of it."""
+    turn, centre, tip = Rotation.from_euler("z", -0.03), np.array([0.14, 0.02, 0.04]), np.array([0.23, -0.39, 0.34])
+    weight, normal = np.array([4.4, -4.1, -9.0]), np.array([0.999, 0.05, 0.0])  # as the arm stands
+    normal /= np.linalg.norm(normal)
+    arm = rx.spatial.Body("arm", ARM, inertia=(0.01, 0.02, SPIN), centre=turn.inv().apply(centre))
+    on_i, on_j = ((turn.inv().apply(tip), turn.inv().apply(normal)), (tip, normal))
+    on = {name: rx.spatial.Placement(*each) for name, each in (("on_i", on_i), ("on_j", on_j))}
+    rubs = {"shaft_radius": SHAFT, "bearing_length": SLEEVE, "friction": rx.Coulomb(DRY)}
+    sleeve = rx.spatial.Cylindrical("sleeve", arm, "ground", (0.0, 0.0, 0.0), (0, 0, 1), **rubs)
+    stop = rx.spatial.PointOnPlane("stop", arm, "ground", **on, one_sided=True)
+    mechanism = rx.Mechanism([arm], [sleeve, stop], gravity=weight / ARM)
+    carried = -np.cross(centre, weight)[2] / np.cross(tip, normal)[2]
+
+    def lacks(friction):
+        force = (friction + weight[2]) * UP - weight  # of inertia, as it falls, and what bears the weight
+        couple = np.cross(UP, np.cross(centre, force) - carried * np.cross(tip, normal)) / SLEEVE
+        across = (force - carried * normal) / 2
+        return DRY * sum(np.linalg.norm((across + end * couple)[:2]) for end in (1, -1)) - friction
+
+    falls = (friction_at(lacks) + weight[2]) / ARM
+    state = rx.State([*centre, *turn.as_quat(scalar_first=True)], [0.0, 0.0, -0.3, 0.0, 0.0, 0.0])
+    motion = rx.simulate(mechanism, state, 0.1, ts=np.linspace(0.0, 0.1, 61), rtol=1e-11)
+    np.testing.assert_allclose(motion.qd[:, 2], -0.3 + falls * np.asarray(motion.t), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion["stop.axial"], carried, rtol=1e-9)
+    assert carried > 0
