@@ -155,7 +155,7 @@ class Sizes(NamedTuple):
     def of(cls, entries: Float[Numeric, "... d"], angular: Bool[Numeric, " d"]) -> "Sizes":
         """The largest entry of each kind, 1 if there is none but zeros."""
         largest = (_largest(xp.where(kind, entries, 0.0)) for kind in (~angular, angular))
-        return cls(*(xp.where(size > 0, size, 1.0) for size in largest))
+        return cls(*(xp.where(_is_some(size), size, 1.0) for size in largest))
 
     def at(self, angular: Bool[Numeric, " d"]) -> Float[Numeric, "... d"]:
         """The size of each entry's kind."""
@@ -363,7 +363,12 @@ def _caused(gain: Numeric, angular: Numeric, friction: Sizes) -> Numeric:
 
 def _nothing(size: Numeric, kind: Numeric) -> Numeric:
     """Whether there are sizes of this kind, and all are 0."""
-    return xp.any(kind) & (_largest(xp.where(kind, size, 0.0)) == 0)
+    return xp.any(kind) & ~_is_some(_largest(xp.where(kind, size, 0.0)))
+
+
+def _is_some(size: Numeric) -> Numeric:
+    """Whether a size is more than rounding leaves of nothing: its square does not underflow."""
+    return size > float(xp.finfo(size.dtype).tiny) ** 0.5
 
 
 def _largest(size: Numeric) -> Numeric:
