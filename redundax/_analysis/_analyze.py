@@ -33,7 +33,7 @@ from .._system._contact import LEFT_OUT, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._numbers import on_numbers, xp
 from .._tools._questions import question
 from ._others import other_solutions
@@ -75,6 +75,7 @@ def analyze(
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     - `factor`: what `factorize` gave at this state, where it is there already.
     """
+    check_system_at(system, state)
     check_closure(closure)
     one_sided = np.array(system.names.one_sided, int)
     pushed, out = None, np.zeros(len(system.rows), bool)

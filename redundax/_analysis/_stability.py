@@ -35,9 +35,10 @@ from .._system._contact import Contact, code_of, refuse_declared, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem, check_system
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._json import JSON
+from .._tools._module import check_kind
 from .._tools._numbers import xp
 from .._tools._questions import question
 
@@ -133,8 +134,9 @@ def stability(
 
     **Raises:** `ValueError` where the solution has no numbers; `RuntimeError` at a singular position.
     """
-    check_system(system)
+    check_system_at(system, state)
     check_closure(closure)
+    check_kind("solution", solution, Solution, "a solution", "Give what `rx.solve` gives.")
     if not is_one_of(solution.result, RESULTS.successful):
         raise RedundaxError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."

@@ -28,7 +28,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, finite, floats, is_concrete, numpy_of, on_device, optional_float
+from .._tools._module import Numbers, check_word, finite, floats, is_concrete, numpy_of, on_device, optional_float
 from .._tools._table import are_known
 from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place, Total
@@ -99,6 +99,7 @@ class Coupler(AbstractModule):
         *,
         polynomial: Numbers | None = None,
     ):
+        check_word("name", name)
         self.name, self.first, self.second = name, _terms(name, "first", first), _terms(name, "second", second)
         if (ratio is None) == (polynomial is None):
             raise RedundaxError(f"Coupler '{name}' must have either `ratio` or `polynomial`. Give one of both.")
@@ -107,13 +108,14 @@ class Coupler(AbstractModule):
                 f"Coupler '{name}' must couple two coordinates, but has '{first}' twice. Name another as `second`, or "
                 "hold one by a driver of constant value."
             )
-        given = floats(polynomial if ratio is None else ratio)  # pyright: ignore[reportArgumentType]
+        argument = "polynomial" if ratio is None else "ratio"
+        given = floats(polynomial if ratio is None else ratio, argument)  # pyright: ignore[reportArgumentType]
         if given.ndim != (1 if ratio is None else 0):
             raise RedundaxError(
                 f"Coupler '{name}' must have a number as `ratio` or a list of coefficients as `polynomial`, but has "
                 f"one of shape {given.shape}. Give `polynomial=(0.0, 2.0)` for twice, say."
             )
-        finite("polynomial" if ratio is None else "ratio", given, f"coupler '{name}'")
+        finite(argument, given, f"coupler '{name}'")
         if ratio is not None:
             given = numpy_of(given).stack([0.0 * given, given])
         if is_concrete(given):  # of lower degree than files write
@@ -152,8 +154,10 @@ class Stop(AbstractModule):
     def __init__(self, name: str, coordinate: str, least: Numbers | None = None, most: Numbers | None = None):
         if least is None and most is None:
             raise RedundaxError(f"Stop '{name}' must have `least` or `most`, but has neither. Give one, or both.")
+        check_word("name", name)
+        check_word("coordinate", coordinate)
         self.name, self.coordinate = name, coordinate
-        self.least, self.most = optional_float(least), optional_float(most)
+        self.least, self.most = optional_float(least, "least"), optional_float(most, "most")
         given = {"least": self.least, "most": self.most}
         limits = {argument: limit for argument, limit in given.items() if limit is not None}
         for argument, limit in limits.items():

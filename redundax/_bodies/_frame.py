@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._system._axis import Axis
 from .._system._state import State
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, check_kind, finite
+from .._tools._module import Numbers, as_float, check_word, finite
 from .._tools._value import AbstractModule
 from ._figures import check_figures
 
@@ -56,7 +56,7 @@ class AbstractBody(AbstractModule):
     inertia: eqx.AbstractVar[Float[Array, "*axes"]]
 
     def __check_init__(self) -> None:
-        check_kind("name", self.name, str, "a word", "Give text in quotes.")
+        check_word("name", self.name)
         check_figures(self, f"body '{self.name}'", ())
 
     @property

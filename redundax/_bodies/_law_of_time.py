@@ -12,15 +12,15 @@ from .._tools._module import Numbers, as_functions, check_takes, figure, finite,
 from .._tools._value import AbstractModule
 
 
-def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None = None) -> Callable[[Array], Array]:
+def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str) -> Callable[[Array], Array]:
     """A function of time; a number stands for one that is constant."""
     if callable(value):
         return as_functions(value)
-    number = floats(value, argument or "")
+    number = floats(value, argument)
     if number.shape:
         raise RedundaxError(
-            f"Argument {f'`{argument}`' if argument else '`angle` or `distance`'} of a driver must be a function of "
-            f"time or a number, but has shape {number.shape}. Give coefficients as `rx.Polynomial`."
+            f"Argument `{argument}` of a driver must be a function of time or a number, but has shape {number.shape}. "
+            "Give coefficients as `rx.Polynomial`."
         )
     return Polynomial(number[None])
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
-from .._tools._module import Numbers
+from .._tools._module import Numbers, check_word
 from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame, AbstractPose
@@ -48,6 +48,8 @@ class SpeedDriver(AbstractModule):
     speed: Callable[[Array], Array]
 
     def __init__(self, name: str, coordinate: str, speed: Callable[[Array], Array] | Numbers):
+        check_word("name", name)
+        check_word("coordinate", coordinate)
         self.name, self.coordinate, self.speed = name, coordinate, law_of_time(speed, "speed")
         check_law("speed", name, self.speed)
 

@@ -123,10 +123,13 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     - `expansion`: coefficient of linear thermal expansion, 1/K.
     """
     check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then which bodies are warmer.")
+    check_kind("warmer", warmer, Mapping, "differences of temperature by name", 'Write {"2": 40.0}, say.')
     bodies = (*mechanism.names.bodies, GROUND)
     for body in warmer:
         index_of("warmer", body, bodies, " of bodies")
-    factor = 1 + as_float(expansion) * jnp.stack([as_float(warmer.get(body, 0.0)) for body in bodies])
+    factor = 1 + as_float(expansion, "expansion") * jnp.stack(
+        [as_float(warmer.get(body, 0.0), "warmer") for body in bodies]
+    )
     stacks = []
     for stack in mechanism.joints:
         joint = stack.element

@@ -27,7 +27,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units, checked_units
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_float, positive
+from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_figure, positive
 from .._tools._no_answer import nan_where
 from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, or_one, xp
 from .._tools._value import AbstractModule
@@ -247,7 +247,7 @@ class MinimumNorm(AbstractClosure):
     - `units`: units in which the norm is taken and h is given, as factors from the units of the system.
     """
 
-    h: Float[Array, ""] | Float[Array, " n+m"] | None = eqx.field(converter=optional_float, default=None)
+    h: Float[Array, ""] | Float[Array, " n+m"] | None = eqx.field(converter=optional_figure("h"), default=None)
     units: Units | None = eqx.field(converter=checked_units, default=None)
 
     @property
@@ -307,9 +307,9 @@ class Compliance(AbstractClosure):
     units: Units | None
 
     def __init__(self, W: ByName, misfit: ByName | None = None, units: Units | None = None):
-        self.W, self.units = _figures(W), checked_units(units)
+        self.W, self.units = _figures("W", W), checked_units(units)
         if isinstance(self.W, dict):
-            self.misfit = _figures({} if misfit is None else misfit)
+            self.misfit = _figures("misfit", {} if misfit is None else misfit)
             return
         if self.W.ndim not in (1, 2) or self.W.shape[0] != self.W.shape[-1]:
             raise RedundaxError(
@@ -317,7 +317,7 @@ class Compliance(AbstractClosure):
                 "Give one compliance for each row, or a matrix."
             )
         size = self.W.shape[-1]
-        self.misfit = on_device(np.zeros(size, self.W.dtype)) if misfit is None else _figures(misfit)
+        self.misfit = on_device(np.zeros(size, self.W.dtype)) if misfit is None else _figures("misfit", misfit)
         if not isinstance(self.misfit, dict) and self.misfit.shape != (size,):
             raise RedundaxError(
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
@@ -342,7 +342,7 @@ class Compliance(AbstractClosure):
             rx.solve(mechanism, state, closure=joints)["A.x"]
             ```
         """
-        given = _figures(stiffness)
+        given = _figures("stiffness", stiffness)
         W = {name: inverse(value) for name, value in given.items()} if isinstance(given, dict) else inverse(given)
         return cls(W, misfit, units)
 
@@ -382,9 +382,11 @@ class Compliance(AbstractClosure):
         return alone(units.energy * self.W / scale**2, system), self.misfit / scale
 
 
-def _figures(given: ByName) -> Array | dict[str, Array]:
+def _figures(argument: str, given: ByName) -> Array | dict[str, Array]:
     """Numbers as an array, or each by its name."""
-    return {name: as_float(value) for name, value in given.items()} if isinstance(given, Mapping) else as_float(given)
+    if isinstance(given, Mapping):
+        return {name: as_float(value, argument) for name, value in given.items()}
+    return as_float(given, argument)
 
 
 def inverse(stiffness: Array) -> Array:

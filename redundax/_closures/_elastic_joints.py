@@ -107,6 +107,7 @@ class ElasticJoints(AbstractClosure):
         drives: Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]] | None = None,
         play: Mapping[str, ArrayLike] | None = None,
     ):
+        check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then how its joints give way.")
         kind = _KINDS[mechanism.frame.word]
         if isinstance(joints, Mapping):
             joints = [kind(name, *_pair(name, figures)) for name, figures in joints.items()]
@@ -121,10 +122,12 @@ class ElasticJoints(AbstractClosure):
         self.seats = seats_of(given, kind, mechanism.joints, mechanism.names, units)
         known = join([mechanism.coordinates, mechanism.names.joint_coordinates]).labels
         self.drives = {}
-        for name, figures in (drives or {}).items():
+        drives = {} if drives is None else drives
+        check_kind("drives", drives, Mapping, "compliances by name of coordinate", 'Give {"A.angle": 1e-6}, say.')
+        for name, figures in drives.items():
             index_of("drives", name, known, " of coordinates")
             softness, error = figures if isinstance(figures, tuple) else (figures, 0.0)
-            self.drives[name] = as_float(softness), as_float(error)
+            self.drives[name] = as_float(softness, "drives"), as_float(error, "drives")
             not_negative("drives", self.drives[name][0])
         self.play = play_of(mechanism, play, units)
 

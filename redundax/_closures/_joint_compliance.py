@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._bodies._frame import AbstractFrame
 from .._bodies._plane import PLANE
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_matrix, floats, is_concrete, numpy_of, on_device
+from .._tools._module import Numbers, as_float, as_matrix, check_word, floats, is_concrete, numpy_of, on_device
 from .._tools._value import AbstractModule
 from ._closure import check_compliance, inverse
 
@@ -35,11 +35,12 @@ class AbstractJointCompliance(AbstractModule):
         point: Numbers | None,
     ) -> None:
         """Set the fields of one that is being made."""
+        check_word("joint", joint)
         linear, angular = len(self.space.linear), len(self.space.angular)
         shapes = (linear,) if angular == 1 else (angular, linear), (self.space.size,)
         cross, gap = (
-            floats(np.zeros(shape) if value is None else value)
-            for shape, value in zip(shapes, (coupling, misfit), strict=True)
+            floats(np.zeros(shape) if value is None else value, name)
+            for shape, value, name in zip(shapes, (coupling, misfit), ("coupling", "misfit"), strict=True)
         )
         shifts, turns = (", ".join(names) for names in (self.space.linear, self.space.angular))
         meanings = (f"turns {turns} by forces {shifts}", f"shifts {shifts}, then turns {turns}")
@@ -49,8 +50,8 @@ class AbstractJointCompliance(AbstractModule):
                     f"Argument `{name}` of joint '{joint}' must have shape {shape}, {meaning}, but has {value.shape}. "
                     "Give all of them, 0 for those that are not there."
                 )
-        shift = as_matrix(f"Argument `translation` of joint '{joint}'", translation, linear)
-        turn = as_matrix(f"Argument `rotation` of joint '{joint}'", rotation, angular)
+        shift = as_matrix("translation", translation, linear, f"joint '{joint}'")
+        turn = as_matrix("rotation", rotation, angular, f"joint '{joint}'")
         xp = numpy_of(shift, turn, cross)
         cross = xp.asarray(cross).reshape(angular, linear)
         self.compliance = on_device(xp.block([[shift, cross.T], [cross, turn]]))
@@ -74,7 +75,7 @@ class AbstractJointCompliance(AbstractModule):
             rx.JointCompliance.from_stiffness("K", 5e7, 1e6, frame="ground")
             ```
         """
-        compliances = inverse(as_float(translation)), inverse(as_float(rotation))
+        compliances = inverse(as_float(translation, "translation")), inverse(as_float(rotation, "rotation"))
         return cls(joint, *compliances, **options)  # pyright: ignore[reportCallIssue]
 
 

@@ -53,7 +53,7 @@ def play_of(mechanism: Mechanism, given: Mapping[str, ArrayLike] | None, units: 
     check_kind("play", given, Mapping, "clearances by name", 'Give {"A": 20e-6} by name of joint or row.')
     rows, clearances = [], []
     for name, clearance in given.items():
-        own, value = _rows(mechanism, name), as_float(clearance)
+        own, value = _rows(mechanism, name), as_float(clearance, "play")
         if value.shape != ():
             raise RedundaxError(
                 f"Argument `play` must have one number for '{name}', but has {value.shape}. Give its clearance from "

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from .._system._law import AbstractLaw
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, on_device, optional_float, positive
+from .._tools._module import Numbers, as_float, figure, is_concrete, on_device, optional_float, positive
 
 
 class AbstractMove(AbstractLaw):
@@ -109,7 +109,8 @@ class Trapezoid(AbstractMove):
         dwell: Numbers | None = None,
     ):
         self.stroke, self.speed, self.acceleration = _figures(stroke=stroke, speed=speed, acceleration=acceleration)
-        self.start, self.begin, self.dwell = as_float(start), as_float(begin), optional_float(dwell)
+        self.start, self.begin = _figures(start=start, begin=begin)
+        self.dwell = optional_float(dwell, "dwell")
         _check_positive(speed=self.speed, acceleration=self.acceleration)
 
     @property
@@ -160,7 +161,8 @@ class SCurve(AbstractMove):
     ):
         given = _figures(stroke=stroke, speed=speed, acceleration=acceleration, jerk=jerk)
         self.stroke, self.speed, self.acceleration, self.jerk = given
-        self.start, self.begin, self.dwell = as_float(start), as_float(begin), optional_float(dwell)
+        self.start, self.begin = _figures(start=start, begin=begin)
+        self.dwell = optional_float(dwell, "dwell")
         _check_positive(speed=self.speed, acceleration=self.acceleration, jerk=self.jerk)
 
     @property
@@ -216,7 +218,8 @@ class Cycloidal(AbstractMove):
         dwell: Numbers | None = None,
     ):
         self.stroke, self._move = _figures(stroke=stroke, move=move)
-        self.start, self.begin, self.dwell = as_float(start), as_float(begin), optional_float(dwell)
+        self.start, self.begin = _figures(start=start, begin=begin)
+        self.dwell = optional_float(dwell, "dwell")
         _check_positive(move=self._move)
 
     @property
@@ -245,10 +248,10 @@ class Harmonic(AbstractLaw):
     - `phase`: rad.
     """
 
-    amplitude: Float[Array, ""] = eqx.field(converter=as_float)
-    frequency: Float[Array, ""] = eqx.field(converter=as_float)
-    mean: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)  # pyright: ignore[reportAssignmentType]
-    phase: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)  # pyright: ignore[reportAssignmentType]
+    amplitude: Float[Array, ""] = eqx.field(converter=figure("amplitude"))
+    frequency: Float[Array, ""] = eqx.field(converter=figure("frequency"))
+    mean: Float[Array, ""] = eqx.field(converter=figure("mean"), default=0.0)  # pyright: ignore[reportAssignmentType]
+    phase: Float[Array, ""] = eqx.field(converter=figure("phase"), default=0.0)  # pyright: ignore[reportAssignmentType]
 
     def __call__(self, t: ArrayLike) -> Float[Array, ""]:
         return self.mean + self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
@@ -280,7 +283,7 @@ class Sampled(AbstractLaw):
     def __init__(self, times: Numbers, values: Numbers, *, ends: str = "clamped"):
         from scipy.interpolate import CubicSpline
 
-        knots, self.values, self.ends = np.asarray(times, float), as_float(values), ends
+        knots, self.values, self.ends = np.asarray(as_float(times, "times"), float), as_float(values, "values"), ends
         kinds = ("clamped", "periodic", "not-a-knot", "natural")
         if ends not in kinds:
             raise RedundaxError(f"Argument `ends` must be one of {', '.join(kinds)}, but is {ends!r}. Choose one.")
@@ -310,16 +313,16 @@ class Sampled(AbstractLaw):
 
 def _figures(**given: Numbers) -> list[Array]:
     figures = [as_float(value, name) for name, value in given.items()]
-    for name, figure in zip(given, figures, strict=True):
-        if figure.shape:
-            raise RedundaxError(f"Argument `{name}` must be a number, but has shape {figure.shape}. Give one.")
+    for name, value in zip(given, figures, strict=True):
+        if value.shape:
+            raise RedundaxError(f"Argument `{name}` must be a number, but has shape {value.shape}. Give one.")
     return figures
 
 
 def _check_positive(**given: Array) -> None:
-    for name, figure in given.items():
-        if is_concrete(figure):
-            positive(name, figure)
+    for name, value in given.items():
+        if is_concrete(value):
+            positive(name, value)
 
 
 def _root(x: Array, order: int) -> Array:

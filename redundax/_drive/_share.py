@@ -21,7 +21,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, finite, positive
+from .._tools._module import as_float, check_kind, finite, positive
 from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
@@ -112,11 +112,15 @@ class LeastPeak(AbstractModule):
         preload: Mapping[str, ArrayLike] | None = None,
         closure: AbstractClosure | None = None,
     ):
+        preload = {} if preload is None else preload
+        check_kind("preload", preload, Mapping, "forces by name of drive", 'Give {"motor": 5.0}, say.')
         self.limits = _sizes("limits", limits)
-        self.preload = {name: as_float(force) for name, force in (preload or {}).items()}
+        self.preload = {name: as_float(force, "preload") for name, force in preload.items()}
         for name, force in self.preload.items():
             finite("preload", force)
             index_of("preload", name, list(self.limits), " of drives with limits")
+        if closure is not None:
+            check_closure(closure)
         self.closure = closure
 
     def shared(
@@ -206,7 +210,7 @@ def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:
             f"Argument `{argument}` must give a force by name of each drive, but is {given!r}. Write "
             '{"left.travel": 200.0}, say.'
         )
-    sizes = {name: as_float(size) for name, size in given.items()}
+    sizes = {name: as_float(size, argument) for name, size in given.items()}
     for size in sizes.values():
         positive(argument, size)
         finite(argument, size)

@@ -219,6 +219,7 @@ def _restitution(
             raise RedundaxError(
                 "Argument `restitution` must be left out, but names contacts: the system has none that only push."
             )
+        floats(0.0 if isinstance(restitution, Mapping) else restitution, "restitution")
         return None
     contacts = ", ".join(names.contacts)
     matrices_of(system).needs_dense(

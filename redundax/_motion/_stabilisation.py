@@ -17,7 +17,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._equations._kinematics import AlongMotion
-from .._tools._module import as_float, check_kind
+from .._tools._module import check_kind, figure
 from .._tools._value import AbstractModule
 
 
@@ -66,8 +66,8 @@ class Baumgarte(AbstractStabilisation):
     """
 
     projects: ClassVar[bool] = False
-    alpha: Float[Array, ""] = eqx.field(converter=as_float, default=10.0)
-    beta: Float[Array, ""] = eqx.field(converter=as_float, default=10.0)
+    alpha: Float[Array, ""] = eqx.field(converter=figure("alpha"), default=10.0)
+    beta: Float[Array, ""] = eqx.field(converter=figure("beta"), default=10.0)
 
     def gamma(self, motion: AlongMotion) -> Array:
         return motion.gamma - 2 * self.alpha * motion.rate - self.beta**2 * motion.value

@@ -22,7 +22,7 @@ import equinox as eqx
 from jaxtyping import Array, Bool, Float
 
 from .._system._results import RESULTS, chosen
-from .._tools._module import optional_float
+from .._tools._module import check_whole, optional_figure
 from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
 from ._arclength import Path, follow
 from ._friction_problem import AbstractFrictionProblem, FrictionProblem
@@ -52,9 +52,12 @@ class Continuation(AbstractSolver):
     - `max_path`: steps along the branch at most.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_figure("rtol"))
     max_steps: int = eqx.field(default=50, static=True)
     max_path: int = eqx.field(default=400, static=True)
+
+    def __check_init__(self) -> None:
+        check_whole(0, max_path=self.max_path)
 
     def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         return problem.searched(

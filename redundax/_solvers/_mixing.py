@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._system._results import RESULTS
-from .._tools._module import optional_float
+from .._tools._module import optional_figure
 from ._friction_problem import AbstractFrictionProblem
 from ._iterate import Progress, iterate, run_unless
 from ._solver import AbstractSolver, Root
@@ -31,7 +31,7 @@ class Mixing(AbstractSolver):
     With 1 it mixes at once, with all of the friction and from the start that is given.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_figure("rtol"))
     max_steps: int = eqx.field(default=2000, static=True)
     first: float = eqx.field(default=0.25, static=True)
 

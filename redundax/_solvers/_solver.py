@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from .._system._results import RESULTS
 from .._tools._chunks import in_chunks
-from .._tools._module import check_kind, optional_float
+from .._tools._module import check_kind, check_whole, optional_figure, positive
 from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, xp
 from .._tools._value import AbstractModule, value
 from ._friction_problem import AbstractFrictionProblem, FrictionProblem
@@ -49,6 +49,11 @@ class AbstractSolver(AbstractModule):
 
     rtol: eqx.AbstractVar[Float[Array, ""] | None]
     max_steps: eqx.AbstractVar[int]
+
+    def __check_init__(self) -> None:
+        check_whole(0, max_steps=self.max_steps)
+        if self.rtol is not None:
+            positive("rtol", self.rtol)
 
     @abc.abstractmethod
     def run(self, problem: AbstractFrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:
@@ -93,7 +98,7 @@ class FixedPoint(AbstractSolver):
     - `max_steps`: iterations at most; convergence is tested after every third.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_figure("rtol"))
     max_steps: int = eqx.field(default=1200, static=True)
 
     def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
@@ -142,7 +147,7 @@ class Newton(AbstractSolver):
     - `max_steps`: iterations at most.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_figure("rtol"))
     max_steps: int = eqx.field(default=50, static=True)
 
     def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
@@ -179,7 +184,7 @@ class Newton(AbstractSolver):
 class Corrector(AbstractSolver):
     """Newton's method to a root beside the start, as in a step of a motion."""
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_figure("rtol"))
     max_steps: int = eqx.field(default=50, static=True)
 
     def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, as_float, check_call, check_whole
+from .._tools._module import Numbers, as_float, check_call, check_whole, one_number, positive
 from ._distributions import AbstractDistribution, check_distributions, check_power, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restore
 
@@ -78,6 +78,8 @@ def identify(
     did not has the least misfit, and `throw` says so.
     """
     data, sigma = _checked(measured, noise, parameters, starts, max_steps)
+    one_number("rtol", as_float(rtol, "rtol"))
+    positive("rtol", as_float(rtol, "rtol"))
     check_call("predict", predict, **parameters)
     shapes = tuple((name, one.shape) for name, one in parameters.items())
     middle = jnp.concatenate([jnp.ravel(one.nominal) for one in parameters.values()])

@@ -10,7 +10,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import cores
+from .._tools._module import check_kind, cores
 
 
 def spread(function: Callable[[PyTree], PyTree], mesh: Mesh | None) -> Callable[[PyTree], PyTree]:
@@ -33,6 +33,10 @@ def check_threads(mesh: Mesh | None) -> None:
 
     They split into tasks for the threads of XLA's pool, which all devices share, and wait for them in one of these.
     """
+    if mesh is not None:
+        check_kind(
+            "mesh", mesh, Mesh, "a mesh of devices", "Give `jax.make_mesh((len(jax.devices()),), ('all',))`, say."
+        )
     here = [] if mesh is None else [d for d in mesh.devices.flat if d.platform == "cpu"]
     count = sum(device.process_index == jax.process_index() for device in here)
     given = os.environ.get("PJRT_NPROC") or os.environ.get("NPROC")

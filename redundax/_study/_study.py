@@ -7,6 +7,7 @@ samples, and no device waits for the iterations of another.
 """
 
 import contextlib
+import os
 import signal
 import threading
 import warnings
@@ -89,6 +90,8 @@ def study(
     optional("xarray")
     given = _given(samples)
     check_whole(1, chunk=chunk)
+    if path is not None:
+        check_kind("path", path, (str, os.PathLike), "the name of a file", 'Write "study.nc", say.')
     if system is not None:
         check_system(system)
     check_call("run", run, **given)

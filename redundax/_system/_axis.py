@@ -47,7 +47,7 @@ class Axis:
 
     def check(self, argument: str, allowed: tuple[str, ...]) -> None:
         """Refuse kinds that are not allowed on this axis."""
-        wrong = sorted(set(self.kinds) - set(allowed))
+        wrong = sorted(set(self.kinds) - set(allowed), key=str)
         if wrong:
             raise RedundaxError(
                 f"Argument `{argument}` must hold {' or '.join(map(repr, allowed))}, but holds {wrong}. "

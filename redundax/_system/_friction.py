@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, check_callable, figure, replace_fields
 from .._tools._numbers import Numeric, known, of_model, xp
 from .._tools._value import AbstractModule
 from ._axis import Axis, join
@@ -145,18 +145,24 @@ class Friction(AbstractFriction):
         memory: PyTree = None,
         memory_rate: Callable[..., PyTree] | None = None,
     ):
+        check_callable("slip", slip)
+        check_callable("force", force)
         self._slip, self._force, self._memory_rate = map(as_functions, (slip, force, memory_rate))
-        self._memory = jax.tree.map(as_float, memory)
+        self._memory = jax.tree.map(figure("memory"), memory)
         if (memory is None) != (memory_rate is None):
             raise RedundaxError(
                 "Arguments `memory` and `memory_rate` must be given together, but one is None. "
                 "Give the sizes of the internal state and its rate of change."
             )
-        self.rows = jnp.asarray(rows, dtype=int)
-        if isinstance(kinds, str):
+        given = np.asarray(as_float(rows, "rows"))
+        if np.any(given != np.round(given)):
             raise RedundaxError(
-                f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'. "
-                "Put it in a list."
+                f"Argument `rows` must hold indices of multipliers, but holds {given.tolist()}. Give whole numbers."
+            )
+        self.rows = jnp.asarray(given, dtype=int)
+        if isinstance(kinds, str) or not isinstance(kinds, Axis | Sequence):
+            raise RedundaxError(
+                f"Argument `kinds` must hold one kind for each slip, as in ['linear'], but is {kinds!r}. Give a list."
             )
         self.slips = kinds if isinstance(kinds, Axis) else Axis(None, tuple(kinds))
         self.slips.check("kinds", ("linear", "angular"))

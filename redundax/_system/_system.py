@@ -31,6 +31,7 @@ from .._tools._module import (
     as_parameters,
     check_kind,
     check_takes,
+    check_whole,
     finite,
     is_concrete,
     moved,
@@ -369,12 +370,13 @@ class System(AbstractSystem):
             ("retraction", retraction, ("q", "d")),
             ("velocity_constraints", velocity_constraints, ("q", "qd", "t", "parameters")),
         ):
-            if callable(function):
+            if function is not None and (callable(function) or argument != "mass"):
                 check_takes(argument, function, *given)
+        check_whole(1, **{name: count for name, count in (("n", n), ("m", m)) if count is not None})
         self.parameters, self._kept = as_parameters(parameters), None
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
         self._velocity_constraints = as_functions(velocity_constraints)
-        self._mass = as_functions(mass) if callable(mass) else as_float(mass)
+        self._mass = as_functions(mass) if callable(mass) else as_float(mass, "mass")
         if n is None:
             n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
         if n is None:

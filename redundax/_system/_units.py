@@ -18,7 +18,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, check_kind, is_concrete, numpy_of
+from .._tools._module import as_float, check_kind, figure, is_concrete, numpy_of
 from .._tools._table import are_known
 from .._tools._value import AbstractModule
 from ._axis import Axis
@@ -50,10 +50,10 @@ class Units(AbstractModule):
         ```
     """
 
-    length: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    angle: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    mass: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    time: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    length: Float[Array, ""] = eqx.field(converter=figure("length"), default=1.0)
+    angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=1.0)
+    mass: Float[Array, ""] = eqx.field(converter=figure("mass"), default=1.0)
+    time: Float[Array, ""] = eqx.field(converter=figure("time"), default=1.0)
 
     @property
     def energy(self) -> Float[Array, ""]:
@@ -137,11 +137,15 @@ class StatedUnits:
 UNSTATED = StatedUnits()
 
 
+def check_units_given(units: object) -> None:
+    """Refuse what is no units."""
+    check_kind("units", units, Units, "units", "Give `rx.units.MM_TONNE` or `rx.units.Units(length=1000.0)`, say.")
+
+
 def checked_units(units: Units | None) -> Units | None:
     """The same; what is no units is refused."""
     if units is not None:
-        advice = "Give `rx.units.MM_TONNE` or `rx.units.Units(length=1000.0)`, say."
-        check_kind("units", units, Units, "units", advice)
+        check_units_given(units)
     return units
 
 

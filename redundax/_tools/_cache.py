@@ -8,6 +8,8 @@ import warnings
 
 import jax
 
+from ._module import check_kind
+
 LIMIT = 256 * 10**6  # bytes of the folder when a run starts
 
 
@@ -33,6 +35,8 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> None:
     A cache that JAX has been told of is left as it is. Where a folder cannot be written to, programs are compiled
     again, and a warning says so if the folder was named.
     """
+    if folder is not None:
+        check_kind("folder", folder, (str, os.PathLike), "the name of a folder", 'Write "programs", say.')
     named = "REDUNDAX_CACHE" if folder is None else "`folder`"
     wish = os.environ.get("REDUNDAX_CACHE", "") if folder is None else os.fspath(folder)
     if (folder is None and wish == "off") or getattr(jax.config, "jax_compilation_cache_dir", None):

@@ -100,9 +100,14 @@ def figure(argument: str) -> Callable[[Numbers], Array]:
     return functools.partial(as_float, argument=argument)
 
 
-def optional_float(value: Numbers | None) -> Array | None:
+def optional_figure(argument: str) -> Callable[[Numbers | None], Array | None]:
+    """`figure` that leaves `None` alone."""
+    return functools.partial(optional_float, argument=argument)
+
+
+def optional_float(value: Numbers | None, argument: str = "") -> Array | None:
     """`as_float` that leaves `None` alone."""
-    return None if value is None else as_float(value)
+    return None if value is None else as_float(value, argument)
 
 
 class Plain(AbstractModule):
@@ -121,7 +126,13 @@ def as_functions(tree: PyTree) -> PyTree:
 
 def as_parameters(tree: PyTree) -> PyTree:
     """The pytree with its numbers as arrays, each of its own kind."""
-    return jax.tree.map(jnp.asarray, as_functions(tree))
+    try:
+        return jax.tree.map(jnp.asarray, as_functions(tree))
+    except TypeError as error:  # of words and other objects
+        raise RedundaxError(
+            f"Argument `parameters` must hold numbers, arrays and functions alone, but: {error} Leave out what is "
+            "none, or let the functions close over it."
+        ) from error
 
 
 def cores() -> int:
@@ -151,8 +162,9 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
-def check_takes(argument: str, function: Callable[..., object], *given: str) -> None:
+def check_takes(argument: str, function: object, *given: str) -> None:
     """Refuse a function of the user that does not take what it will be given, one after the other."""
+    function = check_callable(argument, function)
     try:
         wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
     except (TypeError, ValueError):  # of a compiled function, which does not tell
@@ -166,10 +178,16 @@ def check_takes(argument: str, function: Callable[..., object], *given: str) -> 
         ) from None
 
 
+def check_callable(argument: str, function: object) -> Callable[..., object]:
+    """The same; what is no function is refused."""
+    if callable(function):
+        return function
+    raise RedundaxError(f"Argument `{argument}` must be a function, but is {short(function)}. Give one by its name.")
+
+
 def check_call(name: str, function: Callable[..., object], *arguments: object, **named: object) -> None:
     """Refuse arguments that a function of the user does not take."""
-    if not callable(function):
-        raise RedundaxError(f"Argument `{name}` must be a function, but is {short(function)}. Give one by its name.")
+    check_callable(name, function)
     wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
     try:
         wanted.bind(*arguments, **named)
@@ -203,6 +221,11 @@ def check_kind(argument: str, value: object, kind: type | tuple[type, ...] | Uni
         shown = repr(value) if is_short else f"of the type {type(value).__name__}"
         shown = f"an array of shape {value.shape}" if isinstance(value, jax.Array | np.ndarray) else shown
         raise RedundaxError(f"Argument `{argument}` must be {what}, but is {shown}. {advice}")
+
+
+def check_word(argument: str, value: object) -> None:
+    """Refuse a name that is no text."""
+    check_kind(argument, value, str, "a word", "Give text in quotes.")
 
 
 def check_whole(least: int, **numbers: object) -> None:
@@ -305,13 +328,13 @@ def _product(ones: Num[Array, "some size"], x: Array, axis: int) -> Array:
     return out.reshape(-1, *x.shape[1:])
 
 
-def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]:
+def as_matrix(argument: str, value: Numbers, size: int, owner: str = "") -> Float[Array, "size size"]:
     """A square matrix, given whole, by its diagonal or as one number for all of that."""
-    array = floats(value)
+    array = floats(value, argument)
     if array.shape not in ((), (size,), (size, size)):
         raise RedundaxError(
-            f"{what} must be a number or have shape ({size},) or ({size}, {size}), but has {array.shape}. Give one "
-            "number for all directions, one for each, or a matrix."
+            f"Argument `{argument}`{owner and f' of {owner}'} must be a number or have shape ({size},) or "
+            f"({size}, {size}), but has {array.shape}. Give one number for all directions, one for each, or a matrix."
         )
     return on_device(array if array.ndim == 2 else array * numpy_of(array).eye(size, dtype=array.dtype))
 
@@ -343,13 +366,19 @@ def finite(name: str, value: Array | np.ndarray, owner: str = "") -> None:
         )
 
 
-def unit(v: Numbers) -> Array:
-    """v / |v| as a floating-point array."""
-    v = floats(v)
-    size = numpy_of(v).linalg.norm(v)
-    if is_concrete(size) and size == 0:
-        raise RedundaxError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
-    return on_device(v / size)
+def unit(argument: str) -> Callable[[Numbers], Array]:
+    """v / |v| as the converter of a field, which is the `argument` of that name."""
+
+    def converted(given: Numbers) -> Array:
+        v = floats(given, argument)
+        size = numpy_of(v).linalg.norm(v)
+        if is_concrete(size) and size == 0:
+            raise RedundaxError(
+                f"Argument `{argument}` must not be zero: it gives the direction of a line, but is (0, 0)."
+            )
+        return on_device(v / size)
+
+    return converted
 
 
 @jax.custom_jvp

@@ -17,7 +17,7 @@ from .._bodies._body import Body
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, parallel_guides, point
 
@@ -25,7 +25,7 @@ from ._parts import Numbers, at_least, parallel_guides, point
 class _Pose(AbstractModule):
     """Coordinates at the travel s."""
 
-    angle: Float[Array, ""] = eqx.field(converter=as_float)
+    angle: Float[Array, ""] = eqx.field(converter=figure("angle"))
 
     def __call__(self, s: Float[Array, ""]) -> Float[Array, "3"]:
         return jnp.stack([s * jnp.cos(self.angle), s * jnp.sin(self.angle), self.angle])

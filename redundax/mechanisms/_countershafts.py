@@ -19,7 +19,7 @@ from .._bodies._joints import GearPair, Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
 
@@ -27,7 +27,7 @@ from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_
 class _Pose(AbstractModule):
     """Coordinates at input angle phi."""
 
-    distance: Float[Array, ""] = eqx.field(converter=as_float)
+    distance: Float[Array, ""] = eqx.field(converter=figure("distance"))
     teeth: tuple[int, int, int, int] = eqx.field(static=True)
     shafts: int = eqx.field(static=True)
 

@@ -16,7 +16,7 @@ from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
 from .._bodies._pose import perpendicular
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, each, point, rubbing, uniform_rod
 
@@ -24,10 +24,10 @@ from ._parts import Numbers, each, point, rubbing, uniform_rod
 class _Pose(AbstractModule):
     """Coordinates at crank angle phi, NaN where the loop cannot be closed."""
 
-    crank: Float[Array, ""] = eqx.field(converter=as_float)
-    coupler: Float[Array, ""] = eqx.field(converter=as_float)
-    rocker: Float[Array, ""] = eqx.field(converter=as_float)
-    ground: Float[Array, ""] = eqx.field(converter=as_float)
+    crank: Float[Array, ""] = eqx.field(converter=figure("crank"))
+    coupler: Float[Array, ""] = eqx.field(converter=figure("coupler"))
+    rocker: Float[Array, ""] = eqx.field(converter=figure("rocker"))
+    ground: Float[Array, ""] = eqx.field(converter=figure("ground"))
     side: float = eqx.field(static=True)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 12"]:

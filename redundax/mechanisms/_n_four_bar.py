@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
@@ -24,8 +24,8 @@ from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cran
 class _Pose(AbstractModule):
     """Coordinates at crank angle phi."""
 
-    pivots: Float[Array, " cranks"] = eqx.field(converter=as_float)
-    length: Float[Array, ""] = eqx.field(converter=as_float)
+    pivots: Float[Array, " cranks"] = eqx.field(converter=figure("pivots"))
+    length: Float[Array, ""] = eqx.field(converter=figure("length"))
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " n"]:
         centres, tips = crank_poses(self.pivots, self.length, phi)

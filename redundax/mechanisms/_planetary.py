@@ -21,7 +21,7 @@ from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
 
@@ -29,7 +29,7 @@ from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_
 class _Pose(AbstractModule):
     """Coordinates at sun angle phi."""
 
-    distance: Float[Array, ""] = eqx.field(converter=as_float)
+    distance: Float[Array, ""] = eqx.field(converter=figure("distance"))
     sun_teeth: int = eqx.field(static=True)
     planet_teeth: int = eqx.field(static=True)
     planets: int = eqx.field(static=True)

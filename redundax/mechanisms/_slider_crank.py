@@ -16,7 +16,7 @@ from .._bodies._joints import Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_rod
 
@@ -24,8 +24,8 @@ from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_
 class _Pose(AbstractModule):
     """Coordinates at crank angle phi, NaN where the rod cannot reach."""
 
-    crank: Float[Array, ""] = eqx.field(converter=as_float)
-    rod: Float[Array, ""] = eqx.field(converter=as_float)
+    crank: Float[Array, ""] = eqx.field(converter=figure("crank"))
+    rod: Float[Array, ""] = eqx.field(converter=figure("rod"))
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 9"]:
         pin = self.crank * jnp.stack([jnp.cos(phi), jnp.sin(phi)])

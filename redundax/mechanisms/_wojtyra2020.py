@@ -16,7 +16,7 @@ from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute, Translational
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
-from .._tools._module import as_float, floats
+from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
 from ._parts import rubbing
 
@@ -24,7 +24,7 @@ from ._parts import rubbing
 class _Pose(AbstractModule):
     """Coordinates at crank angle phi."""
 
-    length: Float[Array, ""] = eqx.field(converter=as_float)
+    length: Float[Array, ""] = eqx.field(converter=figure("length"))
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 12"]:
         length, half = self.length, self.length * math.sqrt(2.0)

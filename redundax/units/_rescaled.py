@@ -25,10 +25,10 @@ from .._system._friction import AbstractFriction
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._names import Names
 from .._system._state import State
-from .._system._system import AbstractSystem
-from .._system._units import Units, checked_units
+from .._system._system import AbstractSystem, check_system, check_system_at
+from .._system._units import Units, check_units_given
 from .._tools._errors import RedundaxError
-from .._tools._module import replace_fields
+from .._tools._module import check_kind, replace_fields
 
 
 class Rescaled(AbstractSystem):
@@ -248,7 +248,7 @@ def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
         solution = rx.units.solution_from_units(solution, mechanism, millimetres)  # back in metres
         ```
     """
-    checked_units(units)
+    _check(system, units)
     return Rescaled(system, units)
 
 
@@ -262,6 +262,8 @@ def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
         rx.units.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
         ```
     """
+    check_system_at(system, state)
+    _check(system, units)
     return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
 
 
@@ -320,6 +322,8 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
         rx.units.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
         ```
     """
+    check_kind("solution", solution, Solution, "a solution", "Give what `rx.solve` gives.")
+    _check(system, units)
     scale, batch = units.of(system.coordinates) / units.time**2, solution.acceleration.shape[:-1]
     return replace_fields(
         solution,
@@ -330,6 +334,11 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
         joint_coordinates=jax.tree.map(lambda x: jnp.broadcast_to(x, batch + x.shape), system.joint_coordinates),
         state=None if solution.state is None else _restored_state(solution.state, system, units),
     )
+
+
+def _check(system: object, units: object) -> None:
+    check_system(system)
+    check_units_given(units)
 
 
 def _restored_state(state: State, system: AbstractSystem, units: Units) -> State:

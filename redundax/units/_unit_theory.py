@@ -18,9 +18,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._system._axis import Axis
-from .._system._units import Units
+from .._system._units import Units, check_units_given
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, as_float, names_in
 
 
 def dependence_in_units(
@@ -41,6 +41,7 @@ def dependence_in_units(
     - `dependent`, `independent`: kinds of the rows, "force" or "moment", k and r of them.
     - `units`: factors of the change.
     """
+    check_units_given(units)
     own, others = _axes(dependent, independent)
     return units.of(own)[:, None] * _coefficients(eta, own, others) / units.of(others)
 
@@ -59,8 +60,8 @@ def minimum_norm_parameters(eta: Numbers, basic: Numbers) -> Float[Array, " k"]:
     - `eta`: coefficients (17), shape (k, r).
     - `basic`: lam0, multipliers of the independent rows with those of the dependent rows zero, shape (r,).
     """
-    eta = as_float(eta)
-    return jnp.linalg.solve(jnp.eye(eta.shape[0], dtype=eta.dtype) + eta @ eta.T, eta @ as_float(basic))
+    eta = as_float(eta, "eta")
+    return jnp.linalg.solve(jnp.eye(eta.shape[0], dtype=eta.dtype) + eta @ eta.T, eta @ as_float(basic, "basic"))
 
 
 def minimum_norm_parameters_in_units(
@@ -78,7 +79,7 @@ def minimum_norm_parameters_in_units(
     """
     _, others = _axes(dependent, independent)
     there = dependence_in_units(eta, dependent, independent, units)
-    return minimum_norm_parameters(there, units.of_force(others) * as_float(basic))
+    return minimum_norm_parameters(there, units.of_force(others) * as_float(basic, "basic"))
 
 
 def parametrised_multipliers(
@@ -92,19 +93,20 @@ def parametrised_multipliers(
         rx.units.parametrised_multipliers([[1.0, 1.0]], [3.0, 0.0], [1.0])  # ([2.0, -1.0], [1.0])
         ```
     """
-    p = as_float(parameters)
-    return as_float(basic) - as_float(eta).T @ p, p
+    p = as_float(parameters, "parameters")
+    return as_float(basic, "basic") - as_float(eta, "eta").T @ p, p
 
 
 def _axes(dependent: Sequence[str], independent: Sequence[str]) -> tuple[Axis, Axis]:
-    axes = Axis(None, tuple(dependent)), Axis(None, tuple(independent))
-    for name, axis in zip(("dependent", "independent"), axes, strict=True):
+    given = {"dependent": dependent, "independent": independent}
+    axes = [Axis(None, tuple(names_in(name, kinds))) for name, kinds in given.items()]
+    for name, axis in zip(given, axes, strict=True):
         axis.check(name, ("force", "moment"))
-    return axes
+    return axes[0], axes[1]
 
 
 def _coefficients(eta: Numbers, dependent: Axis, independent: Axis) -> Array:
-    array = as_float(eta)
+    array = as_float(eta, "eta")
     if array.shape != (len(dependent), len(independent)):
         raise RedundaxError(
             f"Argument `eta` must have a row for each of {len(dependent)} dependent rows and a column for each of "

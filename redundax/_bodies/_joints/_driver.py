@@ -6,6 +6,7 @@ The multiplier is minus the driving moment on body i, or the tension between the
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import ClassVar
 
 import equinox as eqx
@@ -39,7 +40,7 @@ class AngleDriver(AbstractJoint[Pose]):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    angle: Callable[[Array], Array] = eqx.field(converter=law_of_time)
+    angle: Callable[[Array], Array] = eqx.field(converter=partial(law_of_time, argument="angle"))
 
     def __check_init__(self) -> None:
         check_law("angle", self.name, self.angle)
@@ -52,7 +53,7 @@ class AbstractDistance(AbstractPointJoint):
     """A joint of two points whose distance is given."""
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
-    distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
+    distance: Callable[[Array], Array] = eqx.field(converter=partial(law_of_time, argument="distance"))
 
     def __check_init__(self) -> None:
         check_distance(self.name, self.distance)

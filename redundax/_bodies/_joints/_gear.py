@@ -37,7 +37,7 @@ from ..._tools._module import (
     not_negative,
     numpy_of,
     on_device,
-    optional_float,
+    optional_figure,
     positive,
     safe_norm,
 )
@@ -216,9 +216,9 @@ class GearPair(AbstractMesh):
     flank: Int[Array, ""] = eqx.field(converter=whole, default=1)
     angle_i: Float[Array, ""] = eqx.field(converter=figure("angle_i"), default=0.0)
     angle_j: Float[Array, ""] = eqx.field(converter=figure("angle_j"), default=0.0)
-    sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_figure("sliding_arm"), default=None)
     friction: AbstractFrictionModel | None = None
-    backlash: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    backlash: Float[Array, ""] | None = eqx.field(converter=optional_figure("backlash"), default=None)
 
     def __check_init__(self) -> None:
         check_mesh(self)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import figure, not_negative, optional_float, part, positive, safe_norm, unit
+from ..._tools._module import figure, not_negative, optional_figure, part, positive, safe_norm, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._base import AbstractPointJoint, Row, check_friction
@@ -72,7 +72,7 @@ class Revolute(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = FORCE
     slip_kind: ClassVar[str] = "angular"
     read_by_law: ClassVar[tuple[str, ...]] = ("friction", "pin_radius")
-    pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_figure("pin_radius"), default=None)
     friction: AbstractFrictionModel | None = None
 
     def __check_init__(self) -> None:
@@ -133,9 +133,9 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = (PERPENDICULAR, ANGLE)
     slip_kind: ClassVar[str] = "linear"
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    normal: Float[Array, "2"] = eqx.field(converter=unit)
+    normal: Float[Array, "2"] = eqx.field(converter=unit("normal"))
     angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=0.0)
-    guide_length: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    guide_length: Float[Array, ""] | None = eqx.field(converter=optional_figure("guide_length"), default=None)
     friction: AbstractFrictionModel | None = None
 
     def __check_init__(self) -> None:
@@ -183,7 +183,7 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = (PERPENDICULAR,)
     slip_kind: ClassVar[str] = "linear"
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    normal: Float[Array, "2"] = eqx.field(converter=unit)
+    normal: Float[Array, "2"] = eqx.field(converter=unit("normal"))
     friction: AbstractFrictionModel | None = None
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 

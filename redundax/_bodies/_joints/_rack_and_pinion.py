@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import figure, numpy_of, optional_float, unit
+from ..._tools._module import figure, numpy_of, optional_figure, unit
 from ..._tools._numbers import Numeric
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
@@ -49,15 +49,15 @@ class RackAndPinion(AbstractMesh):
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    normal: Float[Array, "2"] = eqx.field(converter=unit)
+    normal: Float[Array, "2"] = eqx.field(converter=unit("normal"))
     teeth: Int[Array, ""] = eqx.field(converter=whole)
     module: Float[Array, ""] = eqx.field(converter=figure("module"))
     pressure_angle: Float[Array, ""] = eqx.field(converter=figure("pressure_angle"), default=STANDARD_PRESSURE_ANGLE)
     flank: Int[Array, ""] = eqx.field(converter=whole, default=1)
     angle_i: Float[Array, ""] = eqx.field(converter=figure("angle_i"), default=0.0)
-    sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_figure("sliding_arm"), default=None)
     friction: AbstractFrictionModel | None = None
-    backlash: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    backlash: Float[Array, ""] | None = eqx.field(converter=optional_figure("backlash"), default=None)
 
     def __check_init__(self) -> None:
         check_mesh(self)

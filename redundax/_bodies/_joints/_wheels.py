@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import figure, part, positive, unit
+from ..._tools._module import figure, names_in, part, positive, unit
 from .._frame import P
 from .._pose import Pose, perpendicular
 from ._base import AbstractJoint, AbstractPointJoint, Row
@@ -26,7 +26,7 @@ ORDER = ("normal", "along", "across")
 
 def in_order(rows: Sequence[str] | str) -> tuple[str, ...]:
     """Rows in their order, and what is none behind."""
-    given = (rows,) if isinstance(rows, str) else tuple(rows)
+    given = tuple(names_in("rows", rows))
     return *(row for row in ORDER if row in given), *(row for row in given if row not in ORDER)
 
 
@@ -103,7 +103,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    normal: Float[Array, "2"] = eqx.field(converter=unit)
+    normal: Float[Array, "2"] = eqx.field(converter=unit("normal"))
     radius: Float[Array, ""] = eqx.field(converter=figure("radius"))
     rows: tuple[str, ...] = eqx.field(static=True, converter=in_order, default=("normal", "along"))
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -147,7 +147,7 @@ class KnifeEdge(AbstractJoint[Pose]):
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
     point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
-    direction: Float[Array, "2"] = eqx.field(converter=unit)
+    direction: Float[Array, "2"] = eqx.field(converter=unit("direction"))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.zeros(1, i.r.dtype)

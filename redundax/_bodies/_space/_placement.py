@@ -115,6 +115,8 @@ def _local(name: str, which: str, body: Body | str, at: Placement) -> Placement:
             f"Argument `{which}` of {name} must be the body itself where a global point or axis is given, but is its "
             f"name '{body}'. Give the `Body`, whose reference pose is needed."
         )
+    with part(name):
+        check_kind(which, body, Body, "a body", 'Give the `Body` itself, or "ground".')
     xp = numpy_of(body.orientation, body.position, at.point, at.axes)
     position, point, axes = (xp.asarray(x) for x in (body.position, at.point, at.axes))
     turn = xp.asarray(rotation(body.orientation)).T

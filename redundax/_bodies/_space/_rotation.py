@@ -142,7 +142,7 @@ def quaternion(matrix: Float[AnyArray, "3 3"]) -> Numeric:
 
 def as_quaternion(argument: str, value: Numbers) -> Numeric:
     """A unit quaternion (w, x, y, z), given as one of any length or as a rotation matrix."""
-    array = floats(value)
+    array = floats(value, argument)
     if array.shape == (3, 3):
         xp = numpy_of(array)
         if is_concrete(array) and (
@@ -166,8 +166,8 @@ def axes_along(argument: str, axis: Numbers, mark: Numbers | None = None) -> Num
 
     Without a mark that is (1, 0, 0), and (0, 1, 0) of axes near it. No rule without a jump is there for all directions.
     """
-    axis = floats(axis)
-    given = axis if mark is None else floats(mark)
+    axis = floats(axis, argument)
+    given = axis if mark is None else floats(mark, "mark")
     xp = numpy_of(axis, given)
     for which, vector in ((argument, axis), ("mark", given)):
         if vector.shape != (3,) or (is_concrete(vector) and not 0 < np.linalg.norm(np.asarray(vector)) < np.inf):

@@ -31,7 +31,7 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._json import JSON
-from ..._tools._module import Numbers, as_float, check_seed, check_whole, names_in, replace_fields
+from ..._tools._module import Numbers, as_float, check_callable, check_seed, check_whole, names_in, replace_fields
 from ..._tools._numbers import computed
 from ..._tools._questions import question
 from ..._tools._table import text_of
@@ -228,6 +228,7 @@ def solution_family(
     check_whole(1, samples=samples)
     check_whole(0, starts=0 if starts is None else starts)
     check_seed(seed)
+    check_callable("watch", watch)
     (system, factor, pushing), report = analyzed(system, state, rank, factor, closure=closure, sense=sense)
     solutions = solutions_of(system, state, factor, report, sense, closure)
     solutions = replace_fields(solutions, pushing=pushing)

@@ -105,13 +105,13 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint[Pose]):
             if name == own.axial:
                 continue
             if not (own.may_overlap and isinstance(value, Overlap)):
-                value = optional_float(value)
+                value = optional_float(value, name)
             if value is not None and not isinstance(value, Overlap):
                 positive(name, value)
             setattr(self, name, value)
         if own.axial:
             thrust, radius = given[own.axial], given[own.radius]
-            share = None if thrust is None or radius is None else floats(thrust) / floats(radius)
+            share = None if thrust is None or radius is None else floats(thrust, own.axial) / floats(radius, own.radius)
             self.thrust_share = optional_float(share)
         if friction is None:
             return

@@ -28,7 +28,7 @@ class AngleOfAxes(AbstractPlacedJoint):
 
     def __init__(self, name: str, i: str, j: str, on_i: Placement, on_j: Placement, *, angle: Numbers):
         self.place(name, i, j, None, on_i, on_j)
-        self.angle = as_float(angle)
+        self.angle = as_float(angle, "angle")
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return (self.relative(i, j).turn[2, 2] - jnp.cos(self.angle))[None]

@@ -21,7 +21,7 @@ class AbstractRolled(AbstractPlacedJoint):
 
     def __init__(self, name: str, i: str, j: str, on_i: Placement, on_j: Placement, *, radius: Numbers):
         self.place(name, i, j, None, on_i, on_j)
-        self.radius = as_float(radius)
+        self.radius = as_float(radius, "radius")
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         relative = self.relative(i, j)

@@ -78,7 +78,7 @@ class Screw(AbstractFrictionalJoint):
         **rubs: Unpack[ThreadRubs],
     ):
         self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, **rubs)
-        self.pitch, self.flank_angle = as_float(pitch), as_float(flank_angle)
+        self.pitch, self.flank_angle = as_float(pitch, "pitch"), as_float(flank_angle, "flank_angle")
         one_number("pitch", self.pitch)
         if is_concrete(self.pitch) and not np.asarray(self.pitch):
             raise RedundaxError(

@@ -88,7 +88,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
         on_j: Placement | None = None,
         one_sided: bool = False,
     ):
-        self.radius, self.rows, self.one_sided = as_float(radius), in_order(rows), one_sided  # pyright: ignore
+        self.radius, self.rows, self.one_sided = as_float(radius, "radius"), in_order(rows), one_sided  # pyright: ignore
         given_i, given_j = at_reference(name, point, axis), None
         if given_i is None and not (normal is None and floor is None):
             raise RedundaxError(
@@ -102,7 +102,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
             a, n = (xp.asarray(given.axes)[:, 2] for given in (given_i, given_j))
             up = n - (a @ n) * a
             touching = xp.asarray(given_i.point) - xp.asarray(self.radius) * up / xp.linalg.norm(up)
-            given_j = replace_fields(given_j, point=as_float(touching))
+            given_j = replace_fields(given_j, point=as_float(touching, "touching"))
         self.place_both(name, i, j, (given_i, given_j), (on_i, on_j))
         check_wheel(self.name, self.radius, self.rows, self.one_sided, ORDER)
 

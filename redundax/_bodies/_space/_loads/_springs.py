@@ -69,7 +69,8 @@ class SpringDamper(AbstractSpringDamper, AbstractLoad):
     ):
         place = between_points("SpringDamper", i, j, (point_i, point_j, on_i, on_j), "load")
         self.i, self.j, self.point_i, self.point_j = place.i, place.j, place.on_i.point, place.on_j.point
-        self.stiffness, self.free_length, self.damping = map(as_float, (stiffness, free_length, damping))
+        self.stiffness, self.damping = as_float(stiffness, "stiffness"), as_float(damping, "damping")
+        self.free_length = as_float(free_length, "free_length")
 
 
 class TorsionSpring(AbstractLoad):
@@ -117,7 +118,8 @@ class TorsionSpring(AbstractLoad):
         given = None if axis is None else Placement((0.0, 0.0, 0.0), axis)
         place = placed("TorsionSpring", i, j, (given, given), (on_i, on_j), "load")
         self.i, self.j, self.axes_i, self.axes_j = place.i, place.j, place.on_i.axes, place.on_j.axes
-        self.stiffness, self.free_angle, self.damping = map(as_float, (stiffness, free_angle, damping))
+        self.stiffness, self.damping = as_float(stiffness, "stiffness"), as_float(damping, "damping")
+        self.free_angle = as_float(free_angle, "free_angle")
         for name in ("stiffness", "free_angle", "damping"):
             one_number(name, getattr(self, name))
 
@@ -205,7 +207,7 @@ class Bushing(AbstractLoad):
 
 def _stores(argument: str, value: Numbers) -> Float[Array, "3 3"]:
     """A matrix of stiffness or damping, refused where it would give energy."""
-    matrix = as_matrix(f"Argument `{argument}`", value, 3)
+    matrix = as_matrix(argument, value, 3)
     if is_concrete(matrix) and np.all(np.isfinite(matrix)):
         given = np.asarray(matrix)
         size = np.abs(given).max()
