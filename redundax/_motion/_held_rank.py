@@ -163,7 +163,7 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         return _solved(self.factor, residual - self.held.basis @ (self.stress.T @ residual))
 
     def close(self, compliance: Float[Array, "m m"]) -> tuple[HeldPick, Array]:
-        """As of any factorisation; the evidence is |B^T X|."""
+        """As of any factorisation; the evidence is |B^T X| by M^-1, free of units."""
         stress = self.stress / self.held.row_scale[:, None]
         return HeldPick(_root(stress, self.held.basis, compliance), compliance), self._excess
 
@@ -194,7 +194,8 @@ class HeldFactorisation(AbstractFactorisation[Array]):
 
     @property
     def _excess(self) -> Float[Array, ""]:
-        return jnp.max(jnp.abs(self.rows.T @ self.stress), initial=0.0)
+        left = self.rows.T @ self.stress
+        return jnp.sqrt(jnp.max(jnp.sum(left * _times(self.inverse_mass, left), axis=0), initial=0.0))
 
 
 AnyHeld = Held | SparseHeld

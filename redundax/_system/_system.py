@@ -361,8 +361,7 @@ class System(AbstractSystem):
         velocity_constraints: Callable[..., Array] | None = None,
         length: ArrayLike | None = None,
     ):
-        none = constraint is None and velocity_constraints is not None
-        constraint = no_positions if none else _needed(constraint)
+        constraint = no_positions if constraint is None and velocity_constraints is not None else _needed(constraint)
         for argument, function, given in (
             ("constraint", constraint, ("q", "t", "parameters")),
             ("mass", mass, ("q", "t", "parameters")),

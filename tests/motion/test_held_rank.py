@@ -61,3 +61,18 @@ def test_the_pick_is_that_of_the_null_space(four_bar, redundancy):
         got = pick.columns(jnp.asarray(multipliers), jnp.asarray(misfit))
         np.testing.assert_allclose(got, truth, rtol=0, atol=1e-10 * np.abs(truth).max())
         held, _ = factor.renewed()
+
+
+@pytest.mark.parametrize("heavy", [1e-15, 1e15])
+def test_what_rows_left_out_contribute_has_no_unit(four_bar, heavy):
+    """The same for all masses, of rows that contradict each other by as much; it grew as their root."""
+    mechanism, state, found = four_bar
+    off = rx.State(mechanism.retract(state.q, 1e-3 * jnp.sin(jnp.arange(18.0))), state.qd)
+
+    def contributed(mechanism, at):
+        held = held_by(mechanism, state, found.scaling, found.split.stress, 3, singular=False)
+        return factorize_held(mechanism, at, held).renewed()[1]
+
+    scaled = rx.units.in_units(mechanism, rx.units.Units(mass=heavy))
+    assert contributed(scaled, state) < 1e-12
+    np.testing.assert_allclose(contributed(scaled, off), contributed(mechanism, off), rtol=1e-6)
