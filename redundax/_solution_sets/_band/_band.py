@@ -49,6 +49,7 @@ from .._bounds import (
     title_of,
 )
 from .._cases import AbstractCases, Affine
+from .._extremes import Ends
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._pushing import Held, analyzed
@@ -333,23 +334,12 @@ def bands_of(
     else:
         found = search.found(matrix, unique, samples, seed)
         pairs = best(found, matrix, unique, 1.0), best(found, matrix, unique, -1.0)
-    lower, upper = (values + wanted.offset for values, _, _ in pairs)
-    exact = (unique | exact_way) & ~np.isnan(lower)
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower,
-        upper=upper,
-        exact=exact,
-        lower_case=cases.figures(pairs[0][1]),
-        upper_case=cases.figures(pairs[1][1]),
-        lower_solution=solutions.shown(pairs[0][2]),
-        upper_solution=solutions.shown(pairs[1][2]),
-        solved=search.solved,
-        outer_lower=np.where(exact, lower, -np.inf),
-        outer_upper=np.where(exact, upper, np.inf),
-        sense=_sense(solutions),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    exact = (unique | exact_way) & ~np.isnan(pairs[0][0])
+    ends = [
+        Ends(value, np.where(exact, value, none), cases.figures(theta), solutions.shown(at))
+        for none, (value, theta, at) in zip((-np.inf, np.inf), pairs, strict=True)
+    ]
+    return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=search.solved)
 
 
 def _refuse_moving(bounds: AbstractBounds) -> None:
@@ -389,29 +379,14 @@ def _of_joints(
         return np.asarray(solve(whole, state, closure=own, throw=False).multipliers)
 
     sides, n, m = SidesOfJoints(joints, attained, effort.nodes), len(free.acceleration), len(free.multipliers)
-    ends = [[sides.extreme(sign * row[n : n + m]) for row in wanted.matrix] for sign in (-1.0, 1.0)]
-    base = wanted.matrix[:, :n] @ free.acceleration + wanted.offset
-    (lower, outer_lower), (upper, outer_upper) = (
-        [base + sign * np.array([getattr(end, name) for end in own]) for name in ("value", "bound")]
-        for sign, own in zip((-1.0, 1.0), ends, strict=True)
-    )
-    lower, upper = (np.where(np.isfinite(values), values, np.nan) for values in (lower, upper))
-    solutions_at = [np.stack([np.r_[free.acceleration, end.multipliers] for end in own]) for own in ends]
-    bands = Bands(
-        **_described(system, wanted, bounds, joints.parameters(report.rows)),
-        lower=lower,
-        upper=upper,
-        exact=_met(np.stack([lower, upper]), np.stack([outer_lower, outer_upper])),
-        lower_case=np.stack([end.case for end in ends[0]]),
-        upper_case=np.stack([end.case for end in ends[1]]),
-        lower_solution=solutions_at[0],
-        upper_solution=solutions_at[1],
-        solved=1.0,
-        outer_lower=outer_lower,
-        outer_upper=outer_upper,
-        sense=np.zeros(0),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    base, ends = wanted.matrix[:, :n] @ free.acceleration, []
+    for sign in (-1.0, 1.0):
+        own = [sides.extreme(sign * row[n : n + m]) for row in wanted.matrix]
+        value, bound = (base + sign * np.array([getattr(end, name) for end in own]) for name in ("value", "bound"))
+        at = np.stack([np.r_[free.acceleration, end.multipliers] for end in own])
+        ends.append(Ends(np.where(np.isfinite(value), value, np.nan), bound, np.stack([end.case for end in own]), at))
+    limits = bounds, joints.parameters(report.rows)
+    return _bands(system, wanted, limits, solutions, ends, _met(*ends), solved=1.0)
 
 
 def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Held:
@@ -457,24 +432,10 @@ def _by_solving(
         own, plays, factors = np.split(case, np.cumsum([len(misfits.rows), len(joints.played)]))
         return solved(dict(zip(rubbing, factors, strict=True)), joints.elasticity_at(own), joints.play_of(plays))
 
-    found = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
-    exact = wanted.unique & (not rubbing and not report.contacts) & np.isfinite(found.lower)
-    lower, upper = found.lower + wanted.offset, found.upper + wanted.offset
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower,
-        upper=upper,
-        exact=exact,
-        lower_case=found.lower_case,
-        upper_case=found.upper_case,
-        lower_solution=found.lower_solution,
-        upper_solution=found.upper_solution,
-        solved=found.solved,
-        outer_lower=np.where(exact, lower, -np.inf),
-        outer_upper=np.where(exact, upper, np.inf),
-        sense=_sense(solutions),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    *ends, share = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
+    exact = wanted.unique & (not rubbing and not report.contacts) & np.isfinite(ends[0].value)
+    ends = [end._replace(bound=np.where(exact, end.value, end.bound)) for end in ends]
+    return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=share)
 
 
 def _at_rest(
@@ -503,63 +464,53 @@ def _at_rest(
     wanted = wanted_outputs(system, state, outputs, report)
     within = bounds.of_misfits if isinstance(bounds, MisfitBox) else bounds
     cases = cases_of(within, system, state, report, solutions)
-    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
+    *ends, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
+    bands = _bands(system, wanted, (bounds, cases), solutions, ends, _met(*ends), solved=float(stands == "yes"))
     stands = "slips" if stands == "no" and not still else stands
-    outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower.value + wanted.offset,
-        upper=upper.value + wanted.offset,
-        exact=_met(np.stack([lower.value, upper.value]), np.stack([lower.bound, upper.bound])),
-        lower_case=lower.case,
-        upper_case=upper.case,
-        lower_solution=lower.solution,
-        upper_solution=upper.solution,
-        solved=float(stands == "yes"),
-        outer_lower=outer_lower,
-        outer_upper=outer_upper,
-        sense=_sense(solutions),
-        stands=stands if system.friction else None,
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    return dataclasses.replace(bands, stands=stands if system.friction else None)
 
 
-def _met(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
-    """Where inner and outer bounds of both ends, (2, outputs), are one."""
+def _met(lower: Ends, upper: Ends) -> np.ndarray:
+    """Where inner and outer bounds of both ends are one, (outputs,)."""
+    inner, outer = np.stack([lower.value, upper.value]), np.stack([lower.bound, upper.bound])
     size = np.abs(inner).max(axis=0)
     enough = _MEET * np.where((size > 0) & np.isfinite(size), size, 1.0)
     with np.errstate(invalid="ignore"):  # of two infinite ends
         return np.where(inner == outer, 0.0, np.abs(outer - inner)).max(axis=0) <= enough
 
 
-def _of_outputs(system: AbstractSystem, bands: Bands, asked: int) -> Bands:
-    """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
-    n, m = len(system.coordinates), len(system.rows)
-    attained = np.concatenate([bands.lower_solution, bands.upper_solution])[:, n : n + m]
-    by_output = ("names", "kinds", "units", "lower", "upper", "exact", "lower_case", "upper_case", "lower_solution")
-    by_output += ("upper_solution", "outer_lower", "outer_upper")
-    kept = {name: getattr(bands, name)[:asked] for name in by_output}
-    return dataclasses.replace(bands, **kept, pulling=pulling(system.names, attained))
-
-
-def _sense(solutions: SolutionSet) -> np.ndarray:
-    """Of each slip."""
-    return np.zeros(0) if solutions.law is None else np.asarray(solutions.law.sense)
-
-
-def _described(
+def _bands(
     system: AbstractSystem,
     wanted: Wanted,
-    bounds: AbstractBounds | AbstractClosure,
-    cases: AbstractCases | Parameters,
-) -> dict[str, Any]:
-    """What bands are of, and what was bounded."""
-    return {
-        "names": wanted.names,
-        "kinds": wanted.kinds,
-        "units": tuple(unit_of(kind, system.names.units) for kind in wanted.kinds),
-        "bounds": type(bounds).__name__,
-        "parameters": cases.names,
-        "box": cases.box,
-        "title": title_of(bounds, cases),
-    }
+    limits: tuple[AbstractBounds | AbstractClosure, AbstractCases | Parameters],
+    solutions: SolutionSet,
+    ends: Sequence[Ends],
+    exact: np.ndarray,
+    *,
+    solved: float,
+) -> Bands:
+    """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
+    (lower, upper), (bounds, cases), asked = ends, limits, slice(wanted.asked)
+    n, m = len(system.coordinates), len(system.rows)
+    values = [(part + wanted.offset)[asked] for part in (lower.value, upper.value, lower.bound, upper.bound)]
+    return Bands(
+        names=wanted.names[asked],
+        kinds=wanted.kinds[asked],
+        units=tuple(unit_of(kind, system.names.units) for kind in wanted.kinds[asked]),
+        lower=values[0],
+        upper=values[1],
+        exact=exact[asked],
+        bounds=type(bounds).__name__,
+        parameters=cases.names,
+        box=cases.box,
+        lower_case=lower.case[asked],
+        upper_case=upper.case[asked],
+        lower_solution=lower.solution[asked],
+        upper_solution=upper.solution[asked],
+        solved=solved,
+        outer_lower=values[2],
+        outer_upper=values[3],
+        sense=np.zeros(0) if solutions.law is None else np.asarray(solutions.law.sense),
+        title=title_of(bounds, cases),
+        pulling=pulling(system.names, np.concatenate([lower.solution, upper.solution])[:, n : n + m]),
+    )
