@@ -73,16 +73,13 @@ def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
     motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
     driven = rates @ motion
     motion = motion @ np.linalg.svd(driven)[2][np.linalg.matrix_rank(driven, tol=_REST) :].T
-    poses, moving, movers = tree.at(positions), [], 0
-    for joint in tree.joints:
-        body = model.described.body(joint.child)
-        if model.described.is_between(joint):
-            continue
-        movers += 1
-        both = np.concatenate(tree.velocities(poses, End(joint.child.body, body.position, body.axes)))
+    poses, moving, movers = tree.at(positions), [], tree.movers
+    for number in movers:
+        body = model.described.bodies[number]
+        both = np.concatenate(tree.velocities(poses, End(number, body.position, body.axes)))
         if np.abs(both @ motion).max(initial=0.0) > _REST * tree.size:
             moving.append(body.name)
-    return tuple(moving) if len(moving) < movers else ()
+    return tuple(moving) if len(moving) < len(movers) else ()
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:

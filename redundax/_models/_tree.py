@@ -94,6 +94,11 @@ class Tree:
         parts = [description.points, *(end.point[None] for each in self.loops for end in (each.first, each.second))]
         self.size = max(float(np.ptp(np.concatenate(parts), axis=0).max(initial=0.0)), 1e-3)
 
+    @property
+    def movers(self) -> list[int]:
+        """Bodies of the file that move, by their numbers: those between joints of one body move with it."""
+        return [joint.child.body for joint in self.joints if not self.description.is_between(joint)]
+
     def at(self, positions: np.ndarray) -> Poses:
         """Poses of all bodies, and what velocities of the joints move."""
         count = len(self.description.bodies)
@@ -185,14 +190,12 @@ class Tree:
 
     def in_loops(self) -> np.ndarray:
         """Which velocities of joints move some loop or tie in itself, (nv,)."""
-        found = np.zeros(self.nv, dtype=bool)
-        for loop in self.loops:
-            found |= self.below[loop.first.body] ^ self.below[loop.second.body]
-        for term, _ in (each for tie in self.ties for each in (*tie.first, *tie.second)):
-            if isinstance(term, Loop):
-                found |= self.below[term.first.body] ^ self.below[term.second.body]
+        found, tied = np.zeros(self.nv, dtype=bool), (each for tie in self.ties for each in (*tie.first, *tie.second))
+        for part in (*self.loops, *(term for term, _ in tied)):
+            if isinstance(part, Loop):
+                found |= self.below[part.first.body] ^ self.below[part.second.body]
             else:
-                found[self.dofs[term]] = True
+                found[self.dofs[part]] = True
         return found
 
     def elsewhere(
