@@ -253,34 +253,43 @@ def band(
     """
     check_system_at(system, state)
     effort, bounds = effort_of(samples, starts, seed, nodes), checked_bounds(bounds, system)
-    asked, sense = asked_at(system, state, rank, factor, sense)
-    return bands_of(system, asked, state, outputs, bounds, sense, effort)
+    return bands_of(asked_at(system, state, outputs, effort, sense, rank, factor), bounds)
+
+
+class Asked(NamedTuple):
+    """What bands are asked of: the system as it is and with the contacts that are closed, its report, the state, names
+    of outputs, senses of slip, and how long to look."""
+
+    whole: AbstractSystem
+    at: Held
+    report: Report
+    state: State
+    outputs: Sequence[str] | str | None
+    sense: ByName | None
+    effort: Effort
 
 
 def asked_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None, sense: ByName | None
-) -> tuple[tuple[Held, Report], ByName | None]:
-    """The system with the contacts that are closed and its report; and the senses of slip: where none are given those
-    in which drives, or the motion that goes on, start the joints that rest."""
+    system: AbstractSystem,
+    state: State,
+    outputs: Sequence[str] | str | None,
+    effort: Effort,
+    sense: ByName | None,
+    rank: ArrayLike | None,
+    factor: Factorisation | None,
+) -> Asked:
+    """The same; where no senses are given those in which drives, or the motion that goes on, start what rests."""
     at, report = analyzed(system, state, rank, factor, sense=sense)
     if sense is None and report.at_rest and system.friction:
         sense = sense_of_start(at.system, state, at.factor)
         own = None if report.contacts else at.factor
         at, report = (at, report) if sense is None else analyzed(system, state, rank, own, sense=sense)
-    return (at, report), sense
+    return Asked(system, at, report, state, outputs, sense, effort)
 
 
-def bands_of(
-    system: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
-    sense: ByName | None,
-    effort: Effort,
-) -> Bands:
-    """`band`, given the system with the contacts that are closed, and its report."""
-    at, report = asked
+def bands_of(asked: Asked, bounds: AbstractBounds | AbstractClosure) -> Bands:
+    """`band`, given what it is asked of."""
+    system, at, report, state, _, sense, effort = asked
     closure, rubbing = parts_of(bounds)
     if rubbing and not system.friction:
         raise RedundaxError("Argument `bounds` must hold no `friction` where no joint has any. Give joints some first.")
@@ -293,7 +302,7 @@ def bands_of(
     has_sides = play is not None or at.pushing or (isinstance(bounds, MisfitBox) and bounds.radial)
     of_joints = report.pivots and not system.friction and has_sides
     if of_joints and isinstance(bounds, AbstractClosure | MisfitBox):
-        return _of_joints(system, (at, report), state, outputs, bounds, effort)
+        return _of_joints(asked, bounds)
     bounds = bounds if report.pivots else without_play(bounds)
     if system.friction and play is not None and report.at_rest:
         raise RedundaxError(
@@ -301,25 +310,21 @@ def bands_of(
             "for one play at a time. Leave such states out, or give `sense`, with which they begin to slip."
         )
     if rubbing and report.at_rest:
-        at = _at_most(at, state, rubbing, sense)
-    whole, (system, factor, _) = system, at
+        asked = asked._replace(at=_at_most(at, state, rubbing, sense))
+    whole, (system, factor, _) = system, asked.at
     moves = report.contacts and system.friction and not report.at_rest and not report.problem
     if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
         if sense is None and is_still(system, state, factor):
             at, report = analyzed(whole, state, None, None, lifting=True)
-            return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+            return _at_rest(asked._replace(at=at, report=report), bounds)
         _refuse_moving(bounds)
     if (report.at_rest or report.contacts) and not moves:
-        return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+        return _at_rest(asked, bounds)
     if moves or rubbing or (system.friction and play is not None):
-        return _by_solving(whole, (at, report), state, outputs, cast(Any, bounds), sense, effort)
+        return _by_solving(asked, cast(Any, bounds))
     samples, starts, seed, _ = effort
-    solutions, wanted = (
-        solutions_of(system, state, factor, report, sense),
-        wanted_outputs(system, state, outputs, report),
-    )
+    solutions, wanted = _moving(asked)
     matrix, unique = wanted.matrix, wanted.unique
-    check_values(wanted.names, matrix, solutions)
     if not report.pivots and report.undetermined:
         raise RedundaxError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
@@ -342,6 +347,15 @@ def bands_of(
     return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=search.solved)
 
 
+def _moving(asked: Asked) -> tuple[SolutionSet, Wanted]:
+    """All solutions where joints move, and the outputs, which have values there."""
+    _, (system, factor, _), report, state, outputs, sense, _ = asked
+    solutions = solutions_of(system, state, factor, report, sense)
+    wanted = wanted_outputs(system, state, outputs, report)
+    check_values(wanted.names, wanted.matrix, solutions)
+    return solutions, wanted
+
+
 def _refuse_moving(bounds: AbstractBounds) -> None:
     but = "left out" if isinstance(bounds, Pushing) else f"a {type(bounds).__name__}"
     raise RedundaxError(
@@ -350,16 +364,9 @@ def _refuse_moving(bounds: AbstractBounds) -> None:
     )
 
 
-def _of_joints(
-    whole: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractClosure | MisfitBox,
-    effort: Effort,
-) -> Bands:
+def _of_joints(asked: Asked, bounds: AbstractClosure | MisfitBox) -> Bands:
     """The bands of elastic joints that have play or push, without friction."""
-    (system, factor, pushing), report = asked
+    whole, (system, factor, pushing), report, state, outputs, _, effort = asked
     if report.problem:
         raise NoSolutionError(report.problem)
     solutions = solution_set(system, state, factor, report.self_stress, None)
@@ -399,22 +406,10 @@ def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Hel
     return at._replace(system=at.system.rubbing({name: most for name, (_, most) in friction.items()}))
 
 
-def _by_solving(
-    whole: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractClosure | MisfitBox,
-    sense: ByName | None,
-    effort: Effort,
-) -> Bands:
+def _by_solving(asked: Asked, bounds: AbstractClosure | MisfitBox) -> Bands:
     """The bands of joints that move with friction, have play, or friction within limits, or stand beside contacts."""
-    (system, factor, _), report = asked
-    solutions, wanted = (
-        solutions_of(system, state, factor, report, sense),
-        wanted_outputs(system, state, outputs, report),
-    )
-    check_values(wanted.names, wanted.matrix, solutions)
+    whole, (system, factor, _), report, state, _, sense, effort = asked
+    solutions, wanted = _moving(asked)
     closure, rubbing = cast(tuple[AbstractClosure, Box], parts_of(bounds))
     elastic = elasticity(closure, system, state, play=True)
     misfits = misfits_of(bounds, report.rows, elastic.misfit)
@@ -438,19 +433,11 @@ def _by_solving(
     return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=share)
 
 
-def _at_rest(
-    at: Held,
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
-    report: Report,
-    sense: ByName | None,
-    nodes: int,
-) -> Bands:
+def _at_rest(asked: Asked, bounds: AbstractBounds | AbstractClosure) -> Bands:
     """The bands of a mechanism whose joints rest, or some of them, or have no friction."""
+    _, (system, factor, pushing), report, state, outputs, sense, effort = asked
     if report.problem:
         raise NoSolutionError(report.problem)
-    system, factor, pushing = at
     still = is_still(system, state, factor)
     if still:
         state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
@@ -464,7 +451,7 @@ def _at_rest(
     wanted = wanted_outputs(system, state, outputs, report)
     within = bounds.of_misfits if isinstance(bounds, MisfitBox) else bounds
     cases = cases_of(within, system, state, report, solutions)
-    *ends, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
+    *ends, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, effort.nodes, wanted.asked)
     bands = _bands(system, wanted, (bounds, cases), solutions, ends, _met(*ends), solved=float(stands == "yes"))
     stands = "slips" if stands == "no" and not still else stands
     return dataclasses.replace(bands, stands=stands if system.friction else None)
