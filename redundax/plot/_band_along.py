@@ -54,8 +54,7 @@ def band_along(path: BandPath, outputs: Sequence[str] | str | None = None, *, ag
         for said, run in path.runs(coordinate):
             _run(axes, path, k, x, run, said, _colour(path, coordinate, run))
         _flags(axes, path, k, x)
-        finish(axes, path.names[k])
-        axes.set_ylabel(path.units[k], fontsize=9)
+        finish(axes, path.names[k], "", path.units[k])
     shared_legend(figure, "outside upper center", 3)
     return figure
 
