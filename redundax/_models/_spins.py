@@ -20,7 +20,7 @@ def spins(tree: Tree, positions: np.ndarray, freedom: int) -> tuple[tuple[str, .
     """Names of the bodies that spin, one or two together for each such freedom, at positions of known freedom."""
     if not freedom or not tree.loops:
         return ()
-    motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
+    motion = tree.scale[:, None] * tree.motion(positions, freedom)[0]
     movers, poses = tree.movers, tree.at(positions)
     moved = np.array([np.concatenate(tree.velocities_at(poses, body, np.zeros(3))) for body in movers])  # at the origin
     moved[:, :3] /= tree.size
