@@ -21,7 +21,7 @@ def _as_it_is(function: Computed) -> Callable[..., Computed]:
     return lambda parameters, of, to: function
 
 
-def _by(name: str, bound: Callable[[Any], Computed]) -> Callable[..., Computed]:
+def _by(name: str, bound: Callable[..., Computed]) -> Callable[..., Computed]:
     """What one parameter of an equation makes of its arrays."""
     return lambda parameters, of, to: bound(parameters[name])
 
