@@ -56,7 +56,7 @@ def test_a_planar_mechanism_has_a_picture(tmp_path):
 
 
 def test_what_is_unique_of_a_mechanism_of_ones_own_is_told_by_its_rows(tmp_path):
-    """Cranks side by side hold each other along themselves: square to that, along (-sin 0.5, cos 0.5), all is unique."""
+    """Cranks side by side hold each other along themselves: square to that, (-sin 0.5, cos 0.5), all is unique."""
     (tmp_path / "own.py").write_text(PLANAR)
     status, out, _ = run(f"{tmp_path / 'own.py'}:build")
     assert status == 3 and f"A1: force {-math.sin(0.5):+.3g} x {math.cos(0.5):+.3g} y" in out
