@@ -6,7 +6,7 @@ Accelerations are called "coordinate''", multipliers, with the sign of the paper
 `Mechanism` has the force (global components) and the moment of every joint on a body too, "joint force x on body".
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -75,6 +75,8 @@ def sizes(matrix: np.ndarray, kinds: Sequence[str], length: float | np.ndarray) 
 
 def plain(value: JSON | np.ndarray | tuple) -> JSON:
     """Arrays and tuples as lists, NaN as None: data for JSON."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, tuple | list):

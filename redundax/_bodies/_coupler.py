@@ -199,13 +199,6 @@ class Couplings(AbstractModule):
         period = 2 * jnp.pi * (1 / self.share if self.turns == "first" else jnp.abs(self.polynomial[:, 1]))
         return (gap - period * jnp.round(gap / jnp.where(period > 0, period, 1.0)))[:, None]
 
-    def added(
-        self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: AbstractPose
-    ) -> Float[Array, "m n"]:
-        """The Jacobian with these rows."""
-        slopes = self.slopes(joints, bodies)
-        return jacobian.at[self.rows[:, None], self.columns].add(slopes, mode="drop")
-
     def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "size columns"]:
         """Derivatives by the velocities of all bodies."""
         slope = jax.vmap(jax.grad(_value, argnums=1))(self.polynomial, self.second.value(joints, bodies))

@@ -216,19 +216,17 @@ class Mechanism(AbstractSystem):
         return replace_fields(self, _matrices=self._entries(is_sparse))
 
     @property
-    def _massless(self) -> list[bool]:
-        """Which bodies are known to lack mass or inertia."""
-        masses = self.frame.masses(self.body)
-        return (np.linalg.eigvalsh(np.asarray(masses))[:, 0] <= 0).tolist() if is_concrete(masses) else []
-
-    @property
     def whole(self) -> Self:
         return self._matrices.whole(self, len(self.rows) + len(self.coordinates))
 
     def _entries(self, is_sparse: bool) -> DenseEntries | SparseEntries:
         """Where the entries of its Jacobian come from."""
         pattern = Pattern(self.joints, self.rows_of_joints, self.couplings, self.frame, self.body.mass.shape[0])
-        return pattern.sparse(self._massless) if is_sparse else pattern.dense()
+        if not is_sparse:
+            return pattern.dense()
+        masses = self.frame.masses(self.body)
+        is_known = is_concrete(masses)
+        return pattern.sparse((np.linalg.eigvalsh(np.asarray(masses))[:, 0] <= 0).tolist() if is_known else [])
 
     @property
     def friction(self) -> tuple[JointFriction, ...]:

@@ -96,7 +96,8 @@ class DenseEntries(AbstractModule):
             none = jnp.zeros(1, own[0].dtype if own else float)
             jacobian = tree_take(jnp.concatenate([none, *(slope.ravel() for slope in own)]), self.entries)
         for coupled in couplers:
-            jacobian = coupled.added(jacobian, joints, body)
+            rows = jacobian.at[coupled.rows[:, None], coupled.columns]
+            jacobian = rows.add(coupled.slopes(joints, body), mode="drop")
         return jacobian
 
     def kinetic_energy(self, mechanism: AbstractSystem, q: Array, qd: Array, t: Array) -> Float[Array, ""]:

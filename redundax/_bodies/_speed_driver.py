@@ -74,12 +74,6 @@ class DrivenSpeed(AbstractModule):
         rate = self.slopes(joints, bodies) * qd.at[self.columns].get(mode="fill", fill_value=0.0)
         return jnp.sum(rate, axis=1, keepdims=True) - self.speed(t) * (1.0 if u is None else u)
 
-    def added(
-        self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: AbstractPose
-    ) -> Float[Array, "m n"]:
-        """The Jacobian with this row."""
-        return jacobian.at[self.rows[:, None], self.columns].add(self.slopes(joints, bodies), mode="drop")
-
     def slopes(self, joints: Sequence[Stack], bodies: AbstractPose) -> Float[Array, "1 columns"]:
         """Derivatives of c by the velocities of both bodies."""
         return self.driven.slopes(joints, bodies)

@@ -24,17 +24,17 @@ class AbstractJointCompliance(AbstractModule):
     frame: str | None = eqx.field(static=True)
     point: Float[Array, " axes"] | None
 
-    def fill(
+    def __init__(
         self,
         joint: str,
-        translation: Numbers,
-        rotation: Numbers,
-        coupling: Numbers | None,
-        misfit: Numbers | None,
-        frame: str | None,
-        point: Numbers | None,
-    ) -> None:
-        """Set the fields of one that is being made."""
+        translation: Numbers = 0.0,
+        rotation: Numbers = 0.0,
+        *,
+        coupling: Numbers | None = None,
+        misfit: Numbers | None = None,
+        frame: str | None = None,
+        point: Numbers | None = None,
+    ):
         check_word("joint", joint)
         linear, angular = len(self.space.linear), len(self.space.angular)
         shapes = (linear,) if angular == 1 else (angular, linear), (self.space.size,)
@@ -76,7 +76,7 @@ class AbstractJointCompliance(AbstractModule):
             ```
         """
         compliances = inverse(as_float(translation, "translation")), inverse(as_float(rotation, "rotation"))
-        return cls(joint, *compliances, **options)  # pyright: ignore[reportCallIssue]
+        return cls(joint, *compliances, **options)
 
 
 class JointCompliance(AbstractJointCompliance):
@@ -106,16 +106,4 @@ class JointCompliance(AbstractJointCompliance):
     """
 
     space: ClassVar[AbstractFrame] = PLANE
-
-    def __init__(
-        self,
-        joint: str,
-        translation: Numbers = 0.0,
-        rotation: Numbers = 0.0,
-        *,
-        coupling: Numbers | None = None,
-        misfit: Numbers | None = None,
-        frame: str | None = None,
-        point: Numbers | None = None,
-    ):
-        self.fill(joint, translation, rotation, coupling, misfit, frame, point)
+    __init__ = AbstractJointCompliance.__init__

@@ -4,7 +4,6 @@ from typing import ClassVar
 
 from .._bodies._frame import AbstractFrame
 from .._bodies._space._frame import SPACE
-from .._tools._module import Numbers
 from ._joint_compliance import AbstractJointCompliance
 
 
@@ -38,16 +37,4 @@ class JointCompliance(AbstractJointCompliance):
     """
 
     space: ClassVar[AbstractFrame] = SPACE
-
-    def __init__(
-        self,
-        joint: str,
-        translation: Numbers = 0.0,
-        rotation: Numbers = 0.0,
-        *,
-        coupling: Numbers | None = None,
-        misfit: Numbers | None = None,
-        frame: str | None = None,
-        point: Numbers | None = None,
-    ):
-        self.fill(joint, translation, rotation, coupling, misfit, frame, point)
+    __init__ = AbstractJointCompliance.__init__

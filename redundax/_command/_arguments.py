@@ -3,7 +3,7 @@
 import argparse
 import math
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import metadata
 
 from .._models._formats import MODELS
@@ -29,7 +29,7 @@ def argument_parser() -> argparse.ArgumentParser:
         "redundax of the user's caches (XDG_CACHE_HOME or ~/.cache; ~/Library/Caches on macOS; LOCALAPPDATA on "
         "Windows). The variable REDUNDAX_CACHE names another folder, or is off; JAX_COMPILATION_CACHE_DIR goes first.",
     )
-    parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw all solutions of the example")
+    parser.add_argument("--png", metavar="FILE", type=_PICTURE, help="also draw all solutions of the example")
     parser.add_argument("--version", action="version", version=f"redundax {version()}")
     commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
     tables = commands.add_parser(
@@ -80,14 +80,14 @@ def _own_mechanism(add: Callable[..., argparse.ArgumentParser]) -> None:
         "-o",
         "--output",
         metavar="FILE",
-        type=_page_file,
+        type=_target(*FORMATS),
         default="report.html",
         help=".html: one file with its pictures; .md: Markdown with its pictures beside it (default report.html)",
     )
     study.add_argument(
         "--png",
         metavar="FILE",
-        type=_picture,
+        type=_PICTURE,
         default=argparse.SUPPRESS,  # or it would undo one given before the command
         help="draw the solutions; further states have their number in the name",
     )
@@ -137,14 +137,14 @@ def _audit(add: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentPars
     examination.add_argument(
         "--html",
         metavar="FILE",
-        type=_browser_page,
+        type=_target(".html", ".htm"),
         help="also write a page with the mechanism to turn in a browser, its joints in the colours of the verdict; it "
         'needs pip install "redundax[html]"',
     )
     examination.add_argument(
         "--loads",
         metavar="FILE",
-        type=_loads_file,
+        type=_target(".csv", ".inp"),
         help="also write what each body bears at rest in this position, joint by joint in its own axes, for a program "
         "of finite elements: a table, .csv, or cards of CalculiX, .inp; where loads are not unique those of least norm",
     )
@@ -184,10 +184,10 @@ def _check(add: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentPars
     referee.add_argument("--drive", metavar="NAME", action="append", default=[], help="a coordinate that is driven")
     referee.add_argument("--rtol", type=_size, default=1e-3, help="what is right, of the joint's load (default 1e-3)")
     referee.add_argument(
-        "--png", metavar="FILE", type=_picture, default=argparse.SUPPRESS, help="also draw loads over time"
+        "--png", metavar="FILE", type=_PICTURE, default=argparse.SUPPRESS, help="also draw loads over time"
     )
-    for name, text in (("--closures", "loops of a URDF, as of audit"), ("--keyframe", "of an MJCF, as of audit")):
-        referee.add_argument(name, metavar="FILE" if name == "--closures" else "NAME", help=text)
+    referee.add_argument("--closures", metavar="FILE", help="loops of a URDF, as of audit")
+    referee.add_argument("--keyframe", metavar="NAME", help="of an MJCF, as of audit")
     return referee
 
 
@@ -211,10 +211,10 @@ def _drive(add: Callable[..., argparse.ArgumentParser]) -> None:
     motion.add_argument("--samples", type=_count, default=201, help="times looked at (default 201)")
     motion.add_argument("--csv", metavar="FILE", type=pathlib.Path, help="also write a table with a line for each time")
     motion.add_argument(
-        "--png", metavar="FILE", type=_picture, default=argparse.SUPPRESS, help="also draw forces and power over time"
+        "--png", metavar="FILE", type=_PICTURE, default=argparse.SUPPRESS, help="also draw forces and power over time"
     )
-    for name, text in (("--closures", "loops of a URDF, as of audit"), ("--keyframe", "of an MJCF, as of audit")):
-        motion.add_argument(name, metavar="FILE" if name == "--closures" else "NAME", help=text)
+    motion.add_argument("--closures", metavar="FILE", help="loops of a URDF, as of audit")
+    motion.add_argument("--keyframe", metavar="NAME", help="of an MJCF, as of audit")
 
 
 def _whole(text: str) -> int:
@@ -239,29 +239,21 @@ def _size(text: str) -> float:
     return value
 
 
-def _picture(text: str) -> pathlib.Path:
-    return _target(text, (".png", ".pdf", ".svg"))
+def _target(*endings: str) -> Callable[[str], pathlib.Path]:
+    """What reads the name of a file to write, with one of some endings."""
+
+    def target(text: str) -> pathlib.Path:
+        file = pathlib.Path(text)
+        if file.suffix not in endings:
+            raise argparse.ArgumentTypeError(f"must end in {', '.join(endings[:-1])} or {endings[-1]}, but is {text}")
+        if not file.parent.is_dir():
+            raise argparse.ArgumentTypeError(f"must lie in a folder that exists, but there is no {file.parent}")
+        return file
+
+    return target
 
 
-def _page_file(text: str) -> pathlib.Path:
-    return _target(text, FORMATS)
-
-
-def _loads_file(text: str) -> pathlib.Path:
-    return _target(text, (".csv", ".inp"))
-
-
-def _browser_page(text: str) -> pathlib.Path:
-    return _target(text, (".html", ".htm"))
-
-
-def _target(text: str, endings: Sequence[str]) -> pathlib.Path:
-    file = pathlib.Path(text)
-    if file.suffix not in endings:
-        raise argparse.ArgumentTypeError(f"must end in {', '.join(endings[:-1])} or {endings[-1]}, but is {text}")
-    if not file.parent.is_dir():
-        raise argparse.ArgumentTypeError(f"must lie in a folder that exists, but there is no {file.parent}")
-    return file
+_PICTURE = _target(".png", ".pdf", ".svg")
 
 
 def version() -> str:

@@ -2,7 +2,6 @@
 
 import pathlib
 from collections.abc import Iterable, Iterator
-from xml.etree.ElementTree import Element
 
 from .._models._content import document
 from .._models._edit_usd import layers_of
@@ -71,11 +70,8 @@ def _named(source: pathlib.Path) -> Iterator[pathlib.Path]:
         folder = folders.get("texturedir" if element.tag in _PICTURES else "meshdir", folders.get("assetdir", ""))
         of = "" if element.tag in ("include", "model") or source.suffix.lower() == ".urdf" else folder
         yield from (pathlib.Path(of, text) for text in paths)
-    yield from (pathlib.Path(text) for text in map(_of_sdf, root.iter("uri")) if text and "://" not in text)
-
-
-def _of_sdf(element: Element) -> str:
-    return (element.text or "").strip()
+    of_sdf = ((each.text or "").strip() for each in root.iter("uri"))
+    yield from (pathlib.Path(text) for text in of_sdf if text and "://" not in text)
 
 
 def _same(one: pathlib.Path, other: pathlib.Path) -> bool:

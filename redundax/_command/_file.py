@@ -147,8 +147,6 @@ def _is_ours(error: Exception) -> bool:
 
 
 def _public(module: object) -> list[str]:
-    return sorted(name for name, value in vars(module).items() if not name.startswith("_") and _usable(value))
-
-
-def _usable(value: object) -> bool:
-    return isinstance(value, AbstractSystem | tuple) or (callable(value) and not isinstance(value, type))
+    own = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    functions = {name for name, value in own.items() if callable(value) and not isinstance(value, type)}
+    return sorted(functions | {name for name, value in own.items() if isinstance(value, AbstractSystem | tuple)})

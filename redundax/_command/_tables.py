@@ -2,9 +2,8 @@
 
 import json
 
-import numpy as np
-
 from .. import _paper
+from .._analysis._outputs import plain
 from .._tools._progress import stage
 from ._arguments import version
 from ._output import show, tell
@@ -30,7 +29,7 @@ def tables_as_json() -> int:
     comparisons = [_compared(key) for key in _KEYS]
     rows = {c.table.printed.key: c.table.rows() for c in comparisons}
     problems = [problem for comparison in comparisons for problem in comparison.problems]
-    show(json.dumps(_without_nan(rows), indent=1, allow_nan=False))
+    show(json.dumps(plain(rows), indent=1, allow_nan=False))
     for problem in problems:
         tell(problem)
     return 1 if problems else 0
@@ -39,12 +38,3 @@ def tables_as_json() -> int:
 def _compared(key: str) -> _paper.Comparison:
     with stage(f"computing {key}"):
         return _paper.compare(_paper.table(key))
-
-
-def _without_nan(value: object) -> object:
-    """JSON has no NaN: figures of a failed solve become null."""
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -12,10 +12,8 @@ from .._tools._numbers import are_known
 from ._along import times_of
 from ._run import Run
 
-_FINER, _ROUNDS = (
-    33,
-    3,
-)  # times between two neighbours of the largest, three times: 1/4096 of a step, and its square off
+# Times between two neighbours of the largest, three times: 1/4096 of a step, and its square off.
+_FINER, _ROUNDS = 33, 3
 
 
 def with_peaks(run_at: Callable[[Array], Run], ts: Numbers) -> Run:

@@ -356,7 +356,8 @@ class _Reader(AbstractReader):
         parts, reactions = {}, {}
         for number, name in enumerate(self._parts, 1):
             if table := tables.get(f"/{self._name}/{name}"):
-                axes = np.array([_bryant(*angles) for angles in three(table, "Bryantx Bryanty Bryantz")])
+                turns = three(table, "Bryantx Bryanty Bryantz")  # about x, then about y and z of its own
+                axes = np.array([about_fixed_axes(-angles).T for angles in turns])
                 rates = three(table, "VX VY VZ"), three(table, "OmegaX OmegaY OmegaZ")
                 parts[bodies[end[number]]] = BodySeries(three(table, "X Y Z"), axes, *rates)
         motions = {
@@ -382,11 +383,3 @@ def _texts(node: Node, word: str) -> Iterator[str]:
 
 def _reversed(law: Callable[[Numeric], Numeric]) -> Callable[[Numeric], Numeric]:
     return lambda t: -law(t)
-
-
-def _bryant(x: float, y: float, z: float) -> np.ndarray:
-    """Axes of a body turned about x, then about y and z of its own."""
-    (a, b, c), (p, q, r) = np.cos([x, y, z]), np.sin([x, y, z])
-    about_x = np.array([[1, 0, 0], [0, a, -p], [0, p, a]])
-    about_y = np.array([[b, 0, q], [0, 1, 0], [-q, 0, b]])
-    return about_x @ about_y @ np.array([[c, -r, 0], [r, c, 0], [0, 0, 1]])

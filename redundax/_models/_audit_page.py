@@ -341,9 +341,11 @@ def _known(found: Audit, everything: bool) -> Iterator[str]:
     for k, part in enumerate(parts if everything else parts[:_MOST]):
         told = []
         for kind, shares in part.known:
-            rows = np.array([found.directions[f"{part.name}.{row}"] for row in shares])
-            along = np.array([*shares.values()]) @ rows
-            way = vector(along * np.sign(along[np.argmax(np.abs(along))]))
+            rows = [found.directions.get(f"{part.name}.{row}") for row in shares]
+            if any(row is None for row in rows):  # of a mechanism that is in no file of a model
+                told.append(f"{kind} {' '.join(f'{share:+.3g} {row}' for row, share in shares.items())}")
+                continue
+            way = vector(_signed(np.array([*shares.values()]) @ np.array(rows)))
             told.append(f"{kind} {'about' if kind == 'moment' else 'along'} {way}")
         yield f"{'' if k else 'Unique of those: '}{part.name}: {', '.join(told)}"
     if len(parts) > _MOST and not everything:

@@ -6,7 +6,7 @@ The reference pose is that of the description, where all joints are closed.
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple, TypedDict, TypeGuard
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from jaxtyping import Array
@@ -45,7 +45,8 @@ from .._bodies._speed_driver import SpeedDriver
 from .._system._names import index_of
 from .._system._units import ready_units
 from .._tools._errors import RedundaxError
-from ._description import Description, End, Joint, Loop, Motor, Term, Tie
+from .._tools._numbers import Numeric
+from ._description import Description, End, Joint, Loop, Term, Tie
 from ._joint_loads import armature, carried_armature, joint_loads
 from ._kinds import coordinates_of
 from ._loop_rows import ROLLED, count_of, teeth_of
@@ -122,12 +123,13 @@ def mechanism_of(
         for tie in described.ties
         if tie.second
     ]
-    spans = {term.name: term for tie in described.ties for term, _ in (*tie.first, *tie.second) if _is_span(term, tie)}
-    joints += [Span(**_apart(described, term.name, term)) for term in spans.values()]
+    tied = [term for tie in described.ties if tie.second for term, _ in (*tie.first, *tie.second)]
+    spans = {term.name: term for term in tied if isinstance(term, Loop)}
+    joints += [Span(**_apart(described, name, term)) for name, term in spans.items()]
     couplers += list(_stops(described)) if stopped else []
     joints += [Cable(**_apart(described, f"stop of {each.name}", each)) for each in described.cables if stopped]
     joints += [_lock(described, tie) for tie in described.ties if not tie.second]
-    joints += [_motion(described, motor) for motor in described.motors if driven]
+    joints += [_driver(described, *motor) for motor in described.motors if driven]
     weightless = [
         described.child(joint)
         for joint in described.joints
@@ -145,11 +147,6 @@ def mechanism_of(
         units=ready_units("SI"),
     )
     return mechanism, notes
-
-
-def _is_span(term: int | Loop, tie: Tie) -> TypeGuard[Loop]:
-    """Whether it is a distance that a coupler ties."""
-    return isinstance(term, Loop) and bool(tie.second)
 
 
 def _sum(described: Description, terms: Sequence[Term]) -> str | dict[str, float]:
@@ -280,13 +277,14 @@ def _apart(described: Description, name: str, loop: Loop) -> _Apart:
     return {"name": name, "i": held["i"], "j": held["j"], "on_i": on_i, "on_j": on_j, "distance": loop.value}
 
 
-def _motion(described: Description, motor: Motor) -> AngleDriver | TravelDriver:
-    """What moves a joint by its law of time."""
-    joint = described.joints[motor.joint]
-    held = _held(described, motor.name, joint.child, joint.parent)
-    if coordinates_of(joint.kind)[motor.coordinate] == "angle":
-        return AngleDriver(**held, angle=motor.law)
-    return TravelDriver(**held, travel=motor.law)
+def _driver(
+    described: Description, name: str, number: int, coordinate: int, law: Callable[[Numeric], Numeric] | float
+) -> AngleDriver | TravelDriver:
+    """What moves a joint, by its number, in one of its coordinates."""
+    joint = described.joints[number]
+    held = _held(described, name, joint.child, joint.parent)
+    is_turn = coordinates_of(joint.kind)[coordinate] == "angle"
+    return AngleDriver(**held, angle=law) if is_turn else TravelDriver(**held, travel=law)
 
 
 def _stops(described: Description) -> Iterator[Stop]:
@@ -310,6 +308,4 @@ def _lock(described: Description, tie: Tie) -> AbstractJoint:
     term, at = tie.first[0][0], float(tie.polynomial[0])
     if isinstance(term, Loop):
         return Distance(**_apart(described, tie.name, term._replace(value=term.value + at)))
-    joint = described.joints[term]
-    held = _held(described, tie.name, joint.child, joint.parent)
-    return AngleDriver(**held, angle=at) if joint.kind == "hinge" else TravelDriver(**held, travel=at)
+    return _driver(described, tie.name, term, 0, at)

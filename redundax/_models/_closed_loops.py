@@ -13,7 +13,6 @@ import difflib
 import pathlib
 from collections.abc import Callable, Iterable
 from functools import partial
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from .._tools._errors import RedundaxError
@@ -36,38 +35,104 @@ _ALIKE = 0.75  # of words, one of which is a slip for the other
 def add_closed_loops(spec: MujocoSpec, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     what of it is not read, and which joints are driven that there are not."""
-    mujoco, loops, refuse = (
-        optional("mujoco", "models"),
-        loops_in(closures),
-        partial(refusal, closures, argument="closures"),
-    )
-    pairs, kinds, names, replaced, driven = (_list(loops, key, refuse) for key in KEYS)
-    for (key, values), (other, types) in (
-        (("closed_loop", pairs), ("type", kinds)),
-        (("joint_name", names), ("joint_type", replaced)),
-    ):
-        if len(values) != len(types):
+    return _Closures(spec, path, closures).added()
+
+
+class _Closures:
+    """A file of loops that is being added to a specification."""
+
+    def __init__(self, spec: MujocoSpec, path: pathlib.Path, closures: pathlib.Path):
+        self._mujoco, self._spec, self._loops = optional("mujoco", "models"), spec, loops_in(closures)
+        self._refuse = partial(refusal, closures, argument="closures")
+        self._closures, self._children = closures, children(path)
+
+    def added(self) -> list[str]:
+        """What is not read of it, a line each, once all else is added."""
+        refuse = self._refuse
+        pairs, kinds, names, replaced, driven = map(self._list, KEYS)
+        for (key, values), (other, types) in (
+            (("closed_loop", pairs), ("type", kinds)),
+            (("joint_name", names), ("joint_type", replaced)),
+        ):
+            if len(values) != len(types):
+                raise refuse(
+                    f"must have a `{other}` for each `{key}`, but has {len(types)} for {len(values)}. Make them as many"
+                )
+        names = self._names("joint_name", names)
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise refuse(f"names the joint {short(twice)} twice under `joint_name`. Name it once")
+        for name, kind in zip(names, self._names("joint_type", replaced), strict=True):
+            self._replace(name, kind.upper())
+        frames = {name: child for name, child in self._children.items() if self._spec.body(name) is None}
+        for pair, kind in zip(pairs, self._names("type", kinds), strict=True):
+            if not isinstance(pair, list) or len(pair) != 2 or kind.lower() not in ("3d", "6d"):
+                raise refuse(
+                    f"has the loop {short(pair)} of type {short(kind)}. Give two frames, and the type 3d or 6d"
+                )
+            self._close(self._names("closed_loop", pair), kind.lower(), frames)
+        driven, known = self._names("name_mot", driven), self._joints()
+        for name in driven:
+            if name not in known:
+                raise refuse(f"drives the joint {short(name)}, which is no joint that moves. {self._hint(name)}")
+        others = [short(key) for key in self._loops if key not in KEYS]
+        unread = [f"of '{self._closures}': {', '.join(others[:_MOST])}"] if others else []
+        return [*unread, *add_drives(self._spec, driven)]
+
+    def _joints(self) -> list[str]:
+        return [each.name for each in self._spec.joints if each.name]
+
+    def _hint(self, name: str) -> str:
+        known = self._joints()
+        return did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
+
+    def _list(self, key: str) -> list[object]:
+        value = self._loops.get(key)
+        if value is not None and not isinstance(value, list):
+            raise self._refuse(f"must hold a list under `{key}`, but holds {short(value)}. Put it in brackets")
+        return value or []
+
+    def _names(self, key: str, values: list[object]) -> list[str]:
+        for value in values:
+            if not isinstance(value, str | int) or isinstance(value, bool):
+                raise self._refuse(f"must hold names under `{key}`, but holds {short(value)}. Put names in quotes")
+        return [str(value) for value in values]
+
+    def _replace(self, name: str, kind: str) -> None:
+        """Replace a joint by one that is freer."""
+        spec, refuse = self._spec, self._refuse
+        joint, axes = spec.joint(name), kind.removeprefix("UJOINT_")
+        if kind not in ("SPHERICAL", "FIXED") and (axes == kind or len(axes) != 2 or not set(axes) <= set(_AXES)):
+            raise refuse(f"replaces the joint {short(name)} by {short(kind)}. Give SPHERICAL, UJOINT_XY or FIXED")
+        if joint is None:
+            if name in self._children:
+                raise refuse(f"replaces the joint {short(name)}, which is fixed or planar. Make it a revolute one")
+            raise refuse(f"replaces the joint {short(name)}, which is not in the model. {self._hint(name)}")
+        body = joint.parent
+        spec.delete(joint)
+        if kind == "SPHERICAL":
+            body.add_joint(name=name, type=self._mujoco.mjtJoint.mjJNT_BALL)
+        for axis in axes if kind.startswith("UJOINT_") else "":
+            body.add_joint(name=f"{name}_{axis}", type=self._mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES[axis])
+
+    def _close(self, pair: list[str], kind: str, frames: dict[str, str]) -> None:
+        mujoco, spec, refuse, carriers = self._mujoco, self._spec, self._refuse, []
+        for name in pair:
+            body = spec.body(frames.get(name, name))
+            if body is None:
+                known = [*(each.name for each in spec.bodies if each.name), *frames]
+                hint = did_you_mean(name, known) or "Correct the name. "
+                raise refuse(f"closes a loop at {short(name)}, which is no link or joint of the model. {hint}")
+            if spec.site(name) is None:
+                body.add_site(name=name)
+            carriers.append(_carrier(body))
+        if carriers[0] is carriers[1] or carriers[0].name == carriers[1].name:
             raise refuse(
-                f"must have a `{other}` for each `{key}`, but has {len(types)} for {len(values)}. Make them as many"
+                f"closes a loop between {short(pair[0])} and {short(pair[1])}, which are one body. Correct a name"
             )
-    fixed, names = children(path), _names("joint_name", names, refuse)
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise refuse(f"names the joint {short(twice)} twice under `joint_name`. Name it once")
-    for name, kind in zip(names, _names("joint_type", replaced, refuse), strict=True):
-        _replace(mujoco, spec, name, kind.upper(), fixed, refuse)
-    frames = {name: child for name, child in fixed.items() if spec.body(name) is None}
-    for pair, kind in zip(pairs, _names("type", kinds, refuse), strict=True):
-        if not isinstance(pair, list) or len(pair) != 2 or kind.lower() not in ("3d", "6d"):
-            raise refuse(f"has the loop {short(pair)} of type {short(kind)}. Give two frames, and the type 3d or 6d")
-        _close(mujoco, spec, _names("closed_loop", pair, refuse), kind.lower(), frames, refuse)
-    driven, known = _names("name_mot", driven, refuse), [each.name for each in spec.joints if each.name]
-    for name in driven:
-        if name not in known:
-            hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
-            raise refuse(f"drives the joint {short(name)}, which is no joint that moves. {hint}")
-    others = [short(key) for key in loops if key not in KEYS]
-    unread = [f"of '{closures}': {', '.join(others[:_MOST])}"] if others else []
-    return [*unread, *add_drives(spec, driven)]
+        equality = spec.add_equality(name=f"{'weld' if kind == '6d' else 'connect'} {' ~ '.join(pair)}")
+        equality.type = mujoco.mjtEq.mjEQ_WELD if kind == "6d" else mujoco.mjtEq.mjEQ_CONNECT
+        equality.objtype = mujoco.mjtObj.mjOBJ_SITE
+        equality.name1, equality.name2 = pair
 
 
 def add_drives(spec: MujocoSpec, names: list[str]) -> list[str]:
@@ -150,76 +215,10 @@ def list_under(loops: dict[str, object], key: str) -> list[object]:
     return found if isinstance(found, list) else []
 
 
-def _list(loops: dict[str, object], key: str, refuse: Callable[[str], RedundaxError]) -> list[object]:
-    value = loops.get(key)
-    if value is not None and not isinstance(value, list):
-        raise refuse(f"must hold a list under `{key}`, but holds {short(value)}. Put it in brackets")
-    return value or []
-
-
-def _names(key: str, values: list[object], refuse: Callable[[str], RedundaxError]) -> list[str]:
-    for value in values:
-        if not isinstance(value, str | int) or isinstance(value, bool):
-            raise refuse(f"must hold names under `{key}`, but holds {short(value)}. Put names in quotes")
-    return [str(value) for value in values]
-
-
 def children(path: pathlib.Path) -> dict[str, str]:
     """Child link of every joint of a URDF, fixed ones too, which MuJoCo does not name."""
     joints = document(path).findall("joint")
     return {joint.get("name", ""): child.get("link", "") for joint in joints for child in joint.findall("child")}
-
-
-def _replace(
-    mujoco: ModuleType,
-    spec: MujocoSpec,
-    name: str,
-    kind: str,
-    joints: dict[str, str],
-    refuse: Callable[[str], RedundaxError],
-) -> None:
-    """Replace a joint by one that is freer."""
-    joint, axes = spec.joint(name), kind.removeprefix("UJOINT_")
-    if kind not in ("SPHERICAL", "FIXED") and (axes == kind or len(axes) != 2 or not set(axes) <= set(_AXES)):
-        raise refuse(f"replaces the joint {short(name)} by {short(kind)}. Give SPHERICAL, UJOINT_XY or FIXED")
-    if joint is None:
-        known = [each.name for each in spec.joints if each.name]
-        if name in joints:
-            raise refuse(f"replaces the joint {short(name)}, which is fixed or planar. Make it a revolute one")
-        hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
-        raise refuse(f"replaces the joint {short(name)}, which is not in the model. {hint}")
-    body = joint.parent
-    spec.delete(joint)
-    if kind == "SPHERICAL":
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_BALL)
-    for axis in axes if kind.startswith("UJOINT_") else "":
-        body.add_joint(name=f"{name}_{axis}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES[axis])
-
-
-def _close(
-    mujoco: ModuleType,
-    spec: MujocoSpec,
-    pair: list[str],
-    kind: str,
-    frames: dict[str, str],
-    refuse: Callable[[str], RedundaxError],
-) -> None:
-    carriers = []
-    for name in pair:
-        body = spec.body(frames.get(name, name))
-        if body is None:
-            known = [*(each.name for each in spec.bodies if each.name), *frames]
-            hint = did_you_mean(name, known) or "Correct the name. "
-            raise refuse(f"closes a loop at {short(name)}, which is no link or joint of the model. {hint}")
-        if spec.site(name) is None:
-            body.add_site(name=name)
-        carriers.append(_carrier(body))
-    if carriers[0] is carriers[1] or carriers[0].name == carriers[1].name:
-        raise refuse(f"closes a loop between {short(pair[0])} and {short(pair[1])}, which are one body. Correct a name")
-    equality = spec.add_equality(name=f"{'weld' if kind == '6d' else 'connect'} {' ~ '.join(pair)}")
-    equality.type = mujoco.mjtEq.mjEQ_WELD if kind == "6d" else mujoco.mjtEq.mjEQ_CONNECT
-    equality.objtype = mujoco.mjtObj.mjOBJ_SITE
-    equality.name1, equality.name2 = pair
 
 
 def _carrier(body: SpecBody) -> SpecBody:

@@ -58,7 +58,7 @@ def drives_at(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0
     if not names or not freedom:
         return Drives(names, names, len(names), freedom, True, locked=names)
     motion, kept = tree.motion(positions, freedom)
-    scaled = rates * tree.scale()
+    scaled = rates * tree.scale
     lengths = np.linalg.norm(scaled, axis=1, keepdims=True)
     moved = scaled / np.where(lengths, lengths, 1.0) @ motion
     basis, values, _ = np.linalg.svd(moved)

@@ -13,7 +13,7 @@ from ._spins import spins
 from ._start import outside
 from ._stress import Along, Stress
 from ._travel import travel
-from ._tree import DIGITS, Tree
+from ._tree import DIGITS
 
 _REST = 1e-6  # relative: what moves less is at rest
 
@@ -26,6 +26,7 @@ def examine(model: Model, count: int = 3) -> Audit:
     - `count`: how many other positions.
     """
     beside = model.beside(count)
+    beyond = [outside(model.tree, positions) for positions, _ in beside]
     found = audit(model.mechanism, model.state, [state for _, state in beside], DIGITS)
     places = [model.positions, *(positions for positions, _ in beside)]
     looks = [found.here, *found.others]
@@ -44,7 +45,7 @@ def examine(model: Model, count: int = 3) -> Audit:
         directions=Stress(model.tree, found.rows).directions(places[regular]),
         idle=_idle(model, places[regular], found.regular.freedom),
         spins=spins(model.tree, places[regular], found.regular.freedom),
-        outside=tuple(names for positions, _ in beside if (names := _beyond(model.tree, positions))),
+        outside=tuple(tuple(limit.joint for limit in each) for each in beyond if each),
     )
     if not found.is_decided:
         return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
@@ -60,29 +61,22 @@ def _ranked(group: Group, way: Along, found: Audit) -> Group:
     )
 
 
-def _beyond(tree: Tree, positions: np.ndarray) -> tuple[str, ...]:
-    return tuple(limit.joint for limit in outside(tree, positions))
-
-
 def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
     """Bodies that can move while all drives rest, if some cannot."""
     tree = model.tree
     names, rates = tree.drives(positions)
     if not freedom or not names:
         return ()
-    motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
+    motion = tree.scale[:, None] * tree.motion(positions, freedom)[0]
     driven = rates @ motion
     motion = motion @ np.linalg.svd(driven)[2][np.linalg.matrix_rank(driven, tol=_REST) :].T
-    poses, moving, movers = tree.at(positions), [], 0
-    for joint in tree.joints:
-        body = model.described.body(joint.child)
-        if model.described.is_between(joint):
-            continue
-        movers += 1
-        both = np.concatenate(tree.velocities(poses, End(joint.child.body, body.position, body.axes)))
+    poses, moving, movers = tree.at(positions), [], tree.movers
+    for number in movers:
+        body = model.described.bodies[number]
+        both = np.concatenate(tree.velocities(poses, End(number, body.position, body.axes)))
         if np.abs(both @ motion).max(initial=0.0) > _REST * tree.size:
             moving.append(body.name)
-    return tuple(moving) if len(moving) < movers else ()
+    return tuple(moving) if len(moving) < len(movers) else ()
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:

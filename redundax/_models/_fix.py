@@ -158,7 +158,7 @@ def _figures(model: Model, file: pathlib.Path) -> tuple[int, int]:
     positions, left = tree.closed(_same_position(model, tree))
     rank = 0
     for at in (positions, *tree.elsewhere(positions, left, _LOOKS)):
-        values = np.linalg.svd(tree.system(at)[1] * tree.scale(), compute_uv=False)
+        values = np.linalg.svd(tree.system(at)[1] * tree.scale, compute_uv=False)
         rank = max(rank, int(np.sum(values > max(_LEAST, 100 * left) * values.max(initial=0.0))))
     return tree.rows - rank, tree.nv - rank
 

@@ -54,11 +54,8 @@ def armature(described: Description) -> dict[str, float]:
 
 def _spring(described: Description, bodies: Mapping[str, Body | str], joint: Joint) -> AbstractLoad | None:
     """The spring with damper of a joint; None where it cannot be said."""
-    pair, stiffness, damping = (
-        (bodies[described.child(joint)], bodies[described.parent(joint)]),
-        joint.stiffness,
-        joint.damping,
-    )
+    pair, stiffness = (bodies[described.child(joint)], bodies[described.parent(joint)]), joint.stiffness
+    damping = joint.damping
     axis, point = joint.parent.axes[:, 2], joint.parent.point
     rest = float(joint.rest[0] - joint.reference[0])  # of a hinge or slide
     if joint.kind == "hinge" and (not stiffness or abs(rest) < np.pi):

@@ -307,7 +307,7 @@ def _check_closed(path: pathlib.Path, tree: Tree, first: Start) -> None:
 def _moved(tree: Tree, first: Start) -> dict[str, float]:
     """How far each joint is from where the file has it, the largest of its velocities, beyond rounding."""
     steps = np.abs(tree.difference(first.given, first.positions))
-    steps = np.where(steps > _MOVED * tree.scale(), steps, 0.0)
+    steps = np.where(steps > _MOVED * tree.scale, steps, 0.0)
     return {
         joint.name: float(steps[dofs].max())
         for joint, dofs in zip(tree.joints, tree.dofs, strict=True)

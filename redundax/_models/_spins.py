@@ -20,9 +20,9 @@ def spins(tree: Tree, positions: np.ndarray, freedom: int) -> tuple[tuple[str, .
     """Names of the bodies that spin, one or two together for each such freedom, at positions of known freedom."""
     if not freedom or not tree.loops:
         return ()
-    motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
-    movers = _movers(tree)
-    moved = _velocities(tree, movers, positions)
+    motion = tree.scale[:, None] * tree.motion(positions, freedom)[0]
+    movers, poses = tree.movers, tree.at(positions)
+    moved = np.array([np.concatenate(tree.velocities_at(poses, body, np.zeros(3))) for body in movers])  # at the origin
     moved[:, :3] /= tree.size
     _, sizes, ways = np.linalg.svd((moved @ motion).reshape(-1, freedom), full_matrices=False)
     motion = motion @ ways.T / sizes  # so that the velocities of all bodies are orthonormal
@@ -36,17 +36,6 @@ def spins(tree: Tree, positions: np.ndarray, freedom: int) -> tuple[tuple[str, .
         if len(alone) == 1 and _is_turn(moved[list(some)] @ alone[0], driven @ alone[0]):
             found.append(some)
     return tuple(tuple(tree.description.bodies[movers[k]].name for k in some) for some in sorted(found))
-
-
-def _movers(tree: Tree) -> list[int]:
-    """Bodies of the file that move, by their numbers: those between joints of one body move with it."""
-    return [joint.child.body for joint in tree.joints if not tree.description.is_between(joint)]
-
-
-def _velocities(tree: Tree, movers: Sequence[int], positions: np.ndarray) -> np.ndarray:
-    """Of the bodies that move, at the origin of the world and about its axes, by those of joints, (bodies, 6, nv)."""
-    poses = tree.at(positions)
-    return np.array([np.concatenate(tree.velocities_at(poses, body, np.zeros(3))) for body in movers])
 
 
 def _is_turn(moved: np.ndarray, driven: np.ndarray) -> bool:

@@ -3,7 +3,6 @@
 The first is taken that closes by least steps and is within the limits of joints; failing that the first that closes.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -60,10 +59,7 @@ def start(tree: Tree, keyframe: str | None) -> Start:
 
 def outside(tree: Tree, positions: np.ndarray) -> tuple[Limit, ...]:
     """Limits of joints that a position is beyond, by more than the digits of a file."""
-    return tuple(_outside(tree, positions))
-
-
-def _outside(tree: Tree, positions: np.ndarray) -> Iterator[Limit]:
+    found = list[Limit]()
     at = {part.name: float(count) for part, count in zip(tree.limited, tree.counts(positions), strict=True)}
     for joint, place in zip(tree.joints, tree.places, strict=True):
         if joint.kind == "ball" and joint.limits:
@@ -73,4 +69,5 @@ def _outside(tree: Tree, positions: np.ndarray) -> Iterator[Limit]:
         if part.limits and part.name in at:
             (low, high), own, slack = part.limits, at[part.name], DIGITS * (tree.size if part.kind == "slide" else 1.0)
             if not low - slack <= own <= high + slack:
-                yield Limit(part.name, own, low if own < low else high)
+                found.append(Limit(part.name, own, low if own < low else high))
+    return tuple(found)

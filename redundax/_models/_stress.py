@@ -46,7 +46,7 @@ class Stress:
 
     def basis(self, positions: np.ndarray, redundancy: int) -> np.ndarray:
         """N at positions of the joints, (rows, redundancy)."""
-        slopes = self._tree.system(positions)[1] * self._tree.scale()
+        slopes = self._tree.system(positions)[1] * self._tree.scale
         held = np.linalg.svd(slopes)[0][:, slopes.shape[0] - redundancy :]
         poses, rows = self._tree.at(positions), self._tree.rows_of_loops(positions)
         blocks, bearing = {}, self._bearing(poses, positions, rows)

@@ -127,7 +127,7 @@ class _Path:
         self.stops: dict[tuple[str, float], None] = {}  # joints and their limits that stopped a step
 
     def at(self, positions: np.ndarray, way: np.ndarray, counts: np.ndarray | None = None) -> _Point:
-        _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
+        _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale)
         motion = basis[np.sum(values[: self.rank] > _HELD * values[:1]) :]  # at a singular position straight on
         on = motion.T @ (motion @ way)
         counts = self.tree.counts(positions) if counts is None else counts
@@ -135,7 +135,7 @@ class _Path:
 
     def step(self, here: _Point, length: float) -> _Point | None:
         """A step on, where the loops close and the joints are within their limits."""
-        start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
+        start = self.tree.moved(here.positions, length * self.tree.scale * here.way)
         moved, misfit = self.tree.descend(start, _CORRECTIONS)
         if misfit > self._most:
             return None
@@ -227,11 +227,11 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
     path, ranges, found, walked, moved, turns = _Path(tree, freedom, left), {}, [], [], [], []
-    held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
+    held = np.abs(tree.system(positions)[1] * tree.scale).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
     ]
-    settled = (resolution(left) * tree.scale()).tolist()
+    settled = (resolution(left) * tree.scale).tolist()
     count = int(np.clip(_STEPS // (2 * max(len(felt), 1)), 6, _LONGEST / _STEP))
     for leader, way in sorted(felt, key=lambda each: each[0]):
         points, place = path.both_ways(path.at(positions, way), count)
@@ -243,11 +243,13 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
         for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
             if (there := path.singular(*three)) is not None:
                 where = _rounded(float(at[k]) + _moved(tree, three[0], there, leader), settled[leader])
-                found.append(Singular(name, where, *path.figures(there, three[0]), _all_of(tree, there.positions)))
+                joints = zip(tree.joints, tree.places, strict=True)
+                every = {joint.name: there.positions[own].tolist() for joint, own in joints}
+                found.append(Singular(name, where, *path.figures(there, three[0]), every))
         least = min(least, *(point.kept for point in points))
         low, high = (_rounded(end, settled[leader]) for end in path.range_of(points, at, leader))
-        ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale()[leader])]
-        least_move = max(settled[leader], _MOTION * tree.scale()[leader])
+        ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale[leader])]
+        least_move = max(settled[leader], _MOTION * tree.scale[leader])
         for end, is_end in ((low, at - at.min() < least_move), (high, at.max() - at < least_move)):
             turns += [(name, end)] * (not is_end[0] and not is_end[-1])
         walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
@@ -266,11 +268,6 @@ def _start(tree: Tree, positions: np.ndarray, dof: int) -> float:
     if tree.joints[joint].kind in ("ball", "free"):
         return 0.0
     return float(positions[tree.places[joint].start + dof - tree.dofs[joint].start])
-
-
-def _all_of(tree: Tree, positions: np.ndarray) -> dict[str, list[float]]:
-    """Positions of all joints, by name."""
-    return {joint.name: positions[place].tolist() for joint, place in zip(tree.joints, tree.places, strict=True)}
 
 
 def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:

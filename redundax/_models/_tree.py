@@ -94,6 +94,11 @@ class Tree:
         parts = [description.points, *(end.point[None] for each in self.loops for end in (each.first, each.second))]
         self.size = max(float(np.ptp(np.concatenate(parts), axis=0).max(initial=0.0)), 1e-3)
 
+    @property
+    def movers(self) -> list[int]:
+        """Bodies of the file that move, by their numbers: those between joints of one body move with it."""
+        return [joint.child.body for joint in self.joints if not self.description.is_between(joint)]
+
     def at(self, positions: np.ndarray) -> Poses:
         """Poses of all bodies, and what velocities of the joints move."""
         count = len(self.description.bodies)
@@ -166,7 +171,7 @@ class Tree:
 
     def _drawn(self, found: tuple[np.ndarray, float], start: np.ndarray) -> tuple[np.ndarray, float]:
         """From a closed position, one that is closed as well and nearer to another, by steps along the motions."""
-        best, (positions, _), scale = found, found, self.scale()
+        best, (positions, _), scale = found, found, self.scale
         for _ in range(_STEPS):
             residual, slope = self.system(positions)
             wish = self.difference(positions, start) / scale
@@ -181,18 +186,16 @@ class Tree:
         return best
 
     def _distance(self, start: np.ndarray, positions: np.ndarray) -> float:
-        return float(np.linalg.norm(self.difference(start, positions) / self.scale()))
+        return float(np.linalg.norm(self.difference(start, positions) / self.scale))
 
     def in_loops(self) -> np.ndarray:
         """Which velocities of joints move some loop or tie in itself, (nv,)."""
-        found = np.zeros(self.nv, dtype=bool)
-        for loop in self.loops:
-            found |= self.below[loop.first.body] ^ self.below[loop.second.body]
-        for term, _ in (each for tie in self.ties for each in (*tie.first, *tie.second)):
-            if isinstance(term, Loop):
-                found |= self.below[term.first.body] ^ self.below[term.second.body]
+        found, tied = np.zeros(self.nv, dtype=bool), (each for tie in self.ties for each in (*tie.first, *tie.second))
+        for part in (*self.loops, *(term for term, _ in tied)):
+            if isinstance(part, Loop):
+                found |= self.below[part.first.body] ^ self.below[part.second.body]
             else:
-                found[self.dofs[term]] = True
+                found[self.dofs[part]] = True
         return found
 
     def elsewhere(
@@ -200,7 +203,7 @@ class Tree:
     ) -> list[np.ndarray]:
         """Other positions that close the loops as well as these do, or as the digits of the file allow, from random
         displacements along the motions, those first that are within limits; fewer where they are not found."""
-        random, found, beyond, scale = np.random.default_rng(1), [], [], self.scale()
+        random, found, beyond, scale = np.random.default_rng(1), [], [], self.scale
         _, values, basis = np.linalg.svd(self.system(positions)[1] * scale)
         free = basis[int(np.sum(values > DIGITS * values.max(initial=0.0))) :]
         for trial in range(4 * count):
@@ -217,7 +220,7 @@ class Tree:
     def motion(self, positions: np.ndarray, freedom: int) -> tuple[np.ndarray, float]:
         """Velocities of the joints, relative to `scale`, that the loops leave, (nv, freedom); and the smallest singular
         value kept, relative to the largest."""
-        _, values, basis = np.linalg.svd(self.system(positions)[1] * self.scale())
+        _, values, basis = np.linalg.svd(self.system(positions)[1] * self.scale)
         rank = self.nv - freedom
         return basis[rank:].T, float(values[rank - 1] / values[0]) if rank else 1.0
 
@@ -234,7 +237,7 @@ class Tree:
             if left < CLOSED:
                 break
             step = -np.linalg.lstsq(slope, residual, rcond=rcond)[0]
-            length = float(np.abs(step / self.scale()).max())
+            length = float(np.abs(step / self.scale).max())
             if length < _STILL:
                 break
             step *= min(1.0, _LONGEST / length)
@@ -271,19 +274,14 @@ class Tree:
                 own[:] = other - one
         return step
 
+    @functools.cached_property
     def scale(self) -> np.ndarray:
         """Of a long step of each joint: the size of the model for one that slides or floats, 1 for one that turns."""
-        return self._scale
-
-    @functools.cached_property
-    def _scale(self) -> np.ndarray:
-        slides = [np.full(dofs.stop - dofs.start, joint.kind == "free") for joint, dofs in self._each()]
+        each = zip(self.joints, self.dofs, strict=True)
+        slides = [np.full(dofs.stop - dofs.start, joint.kind == "free") for joint, dofs in each]
         for found, motions in zip(slides, self._motions, strict=True):
             found[: len(motions)] = [not motion.is_turn for motion in motions]
         return np.where(np.concatenate([np.zeros(0, bool), *slides]), self.size, 1.0)
-
-    def _each(self) -> list[tuple[Joint, slice]]:
-        return list(zip(self.joints, self.dofs, strict=True))
 
     @functools.cached_property
     def limited(self) -> tuple[Joint | Loop, ...]:

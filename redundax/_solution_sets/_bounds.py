@@ -10,7 +10,7 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 
 import abc
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -28,6 +28,8 @@ from .._tools._numbers import Numeric, entries_set
 from .._tools._value import AbstractModule
 from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
+
+T = TypeVar("T")
 
 Box = Mapping[str, tuple[float, float]]
 _NARROWEST = 1e-3  # width of bounds over the widest, below which it tells no more which rows are chosen
@@ -103,33 +105,30 @@ def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
     return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
-def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[..., Box]:
-    """What reads the least and the largest values of an argument."""
+def _by_name(argument: str, example: str, what: str, read: Callable[[Any], T]) -> Callable[..., Mapping[str, T]]:
+    """What reads the values of an argument that has one for each name, and says `what` these must be."""
 
-    def read(box: Any) -> Box:
+    def values(given: Any) -> Mapping[str, T]:
         try:
-            return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+            return {name: read(value) for name, value in given.items()}
         except (AttributeError, TypeError, ValueError) as error:
             raise RedundaxError(
-                f"Argument `{argument}` must give the least and the largest value by name, but is {box!r}. Write "
-                f"{example}, say."
+                f"Argument `{argument}` must give {what} by name, but is {given!r}. Write {example}, say."
             ) from error
 
-    return read
+    return values
+
+
+def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[..., Box]:
+    def read(ends: Any) -> tuple[float, float]:
+        lower, upper = ends
+        return float(lower), float(upper)
+
+    return _by_name(argument, example, "the least and the largest value", read)
 
 
 def _numbers(argument: str = "sizes", example: str = '{"A.x": 40.0}') -> Callable[..., Mapping[str, float]]:
-    """What reads the numbers of an argument."""
-
-    def read(sizes: Any) -> Mapping[str, float]:
-        try:
-            return {name: float(size) for name, size in sizes.items()}
-        except (AttributeError, TypeError, ValueError) as error:
-            raise RedundaxError(
-                f"Argument `{argument}` must give a number by name, but is {sizes!r}. Write {example}, say."
-            ) from error
-
-    return read
+    return _by_name(argument, example, "a number", float)
 
 
 class AbstractBounds(AbstractModule):

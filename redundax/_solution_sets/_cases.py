@@ -181,8 +181,7 @@ class Fractional(AbstractCases):
         return self.stress.T @ self.compliance @ self.stress + np.einsum("...i,ia,ib->...ab", entries, own, own)
 
 
-def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:
-    """All vertices of the box."""
-    q = cases.lower.size
-    high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1
-    return np.where(high == 1, cases.upper, cases.lower)
+def corners(lower: Numeric, upper: Numeric) -> Float[np.ndarray, "vertices q"]:
+    """All vertices of a box."""
+    high = (np.arange(2**lower.size)[:, None] >> np.arange(lower.size)) & 1
+    return np.where(high == 1, upper, lower)

@@ -6,12 +6,26 @@ Affine, ellipsoid:  c^T theta over |v_0 + V theta| <= 1: theta_0 -+ r R^-1 w / |
 Fractional:         the vertices of the box
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import numpy as np
 
 from ._cases import Affine, Fractional, corners
 
 _AT_ONCE = 4096  # vertices
+
+
+class Ends(NamedTuple):
+    """Extremes of outputs that were attained, (b,), bounds that none exceeds, (b,), and where: (b, q), (b, x).
+
+    A value without end is infinite, and attained nowhere: NaN.
+    """
+
+    value: np.ndarray
+    bound: np.ndarray
+    case: np.ndarray
+    solution: np.ndarray
 
 
 def linear_extreme(cases: Affine, tau: np.ndarray, cost: np.ndarray) -> np.ndarray | None:
@@ -52,7 +66,7 @@ def vertex_extremes(cases: Fractional, tau: np.ndarray, costs: np.ndarray) -> np
         cases,
         (cases.lower[matters], cases.upper[matters], cases.least[matters], cases.most[matters], cases.rows[matters]),
     )
-    all_of = corners(few)
+    all_of = corners(few.lower, few.upper)
     parts = np.array_split(all_of, -(-len(all_of) // _AT_ONCE))
     values = np.concatenate([few.multipliers(part, tau) @ costs.T for part in parts])
     out = np.tile(cases.lower, (len(costs), 1))

@@ -97,7 +97,7 @@ class Search:
         lower, upper = self.cases.lower, self.cases.upper
         random, q = np.random.default_rng(seed), lower.size
         share = np.linspace(0.0, 1.0, samples)[:, None] if q == 1 else random.random((samples, q))
-        ends = corners(self.cases) if q <= _CORNERS else np.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
+        ends = corners(lower, upper) if q <= _CORNERS else np.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
         return np.concatenate([((lower + upper) / 2)[None], ends, lower + share * (upper - lower)])
 
     def _starts(self, found: Found, cost: np.ndarray) -> list[int]:

@@ -21,6 +21,11 @@ def _as_it_is(function: Computed) -> Callable[..., Computed]:
     return lambda parameters, of, to: function
 
 
+def _by(name: str, bound: Callable[..., Computed]) -> Callable[..., Computed]:
+    """What one parameter of an equation makes of its arrays."""
+    return lambda parameters, of, to: bound(parameters[name])
+
+
 def _divided(function: Computed) -> Callable[..., Computed]:
     """A quotient or remainder; of whole numbers towards 0, and by 0 as XLA has it: -1, and the number itself."""
 
@@ -101,11 +106,6 @@ def _reshape_in_order(parameters: Parameters, of: Shapes, to: Shapes) -> Compute
     return _reshape(parameters, of, to)
 
 
-def _transpose(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    order = tuple(parameters["permutation"])
-    return lambda x: x.transpose(order)
-
-
 def _slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     first, last = parameters["start_indices"], parameters["limit_indices"]
     steps = parameters["strides"] or (None,) * len(first)
@@ -129,39 +129,19 @@ def _window(shape: Sequence[int], sizes: Sequence[int]) -> Callable[[Sequence[En
     return slices
 
 
-def _concatenate(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    axis = parameters["dimension"]
-    return lambda *parts: np.concatenate(parts, axis)
+def _in_parts(cut: Callable[[Parameters], Computed]) -> Callable[..., Computed]:
+    """An array in a list of parts, or the one that there is."""
+
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        parts = cut(parameters)
+        return parts if len(to) != 1 else lambda x: parts(x)[0]
+
+    return rule
 
 
-def _stack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    axis = parameters["axis"]
-    return lambda *parts: np.stack(parts, axis)
-
-
-def _unstack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    axis, count = parameters["axis"], len(to)
-
-    def unstack(x: Entries) -> Entries:
-        parts = np.moveaxis(x, axis, 0)
-        return parts[0] if count == 1 else list(parts)
-
-    return unstack
-
-
-def _tile(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    repeats = tuple(parameters["reps"])
-    return lambda x: np.tile(x, repeats)
-
-
-def _split(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    places, axis, count = np.cumsum(parameters["sizes"])[:-1], parameters["axis"], len(to)
-
-    def split(x: Entries) -> Entries:
-        parts = np.split(x, places, axis)
-        return parts[0] if count == 1 else parts
-
-    return split
+def _split(parameters: Parameters) -> Computed:
+    places, axis = np.cumsum(parameters["sizes"])[:-1], parameters["axis"]
+    return lambda x: np.split(x, places, axis)
 
 
 def _pad(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -207,10 +187,6 @@ def _select(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         return lambda which, no, yes: np.where(which, yes, no)
     most = len(of) - 2
     return lambda which, *cases: np.choose(np.clip(which, 0, most), cases)
-
-
-def _clamp(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    return lambda least, x, most: np.minimum(np.maximum(x, least), most)
 
 
 def _integer_power(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -334,11 +310,6 @@ def _power(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return lambda x, y: np.power(x, y).astype(dtype)
 
 
-def _reversed(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    axes = tuple(parameters["dimensions"])
-    return lambda x: np.flip(x, axes)
-
-
 def _place_of(extreme: Computed) -> Callable[..., Computed]:
     def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         (axis,), dtype = parameters["axes"], to[0].dtype
@@ -368,10 +339,6 @@ def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Com
         return out
 
     return update
-
-
-def _empty(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    return functools.partial(np.zeros, to[0].shape, to[0].dtype)
 
 
 def _maybe_set(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -472,8 +439,8 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "argmin": _place_of(np.argmin),
     "broadcast_in_dim": _broadcast,
     "cholesky": or_nan(cholesky),
-    "clamp": _clamp,
-    "concatenate": _concatenate,
+    "clamp": _as_it_is(lambda least, x, most: np.minimum(np.maximum(x, least), most)),
+    "concatenate": _by("dimension", lambda axis: lambda *parts: np.concatenate(parts, axis)),
     "convert_element_type": _convert,
     "cummax": _cumulated(np.maximum.accumulate),
     "cumprod": _cumulated(np.multiply.accumulate),
@@ -481,7 +448,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "div": _divided(np.divide),
     "dot_general": _dot,
     "dynamic_slice": _dynamic_slice,
-    "empty2": _empty,
+    "empty2": lambda parameters, of, to: functools.partial(np.zeros, to[0].shape, to[0].dtype),
     "dynamic_update_slice": _dynamic_update_slice,
     "eigh": or_nan(eigh),
     "expand_dims": _reshape,
@@ -505,7 +472,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "reduce_sum": _along(np.add),
     "rem": _divided(np.fmod),
     "reshape": _reshape_in_order,
-    "rev": _reversed,
+    "rev": _by("dimensions", lambda axes: lambda x: np.flip(x, axes)),
     "round": _round,
     "rsqrt": _as_it_is(lambda x: 1 / np.sqrt(x)),
     "scatter": _scatter(_set, []),
@@ -514,13 +481,13 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "select_n": _select,
     "slice": _slice,
     "sort": _sort,
-    "split": _split,
+    "split": _in_parts(_split),
     "squeeze": _reshape,
-    "stack": _stack,
+    "stack": _by("axis", lambda axis: lambda *parts: np.stack(parts, axis)),
     "svd": or_nan(svd),
-    "tile": _tile,
-    "transpose": _transpose,
+    "tile": _by("reps", lambda repeats: lambda x: np.tile(x, repeats)),
+    "transpose": _by("permutation", lambda order: lambda x: x.transpose(order)),
     "triangular_solve": triangular_solve,
-    "unstack": _unstack,
+    "unstack": _in_parts(lambda parameters: lambda x: [*np.moveaxis(x, parameters["axis"], 0)]),
     "vprim": _of_samples,
 }

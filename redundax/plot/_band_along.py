@@ -52,10 +52,10 @@ def band_along(path: BandPath, outputs: Sequence[str] | str | None = None, *, ag
     figure, panels = stacked([2.2] * len(places), 0.9, label)
     for axes, k in zip(panels, places, strict=True):
         for said, run in path.runs(coordinate):
-            _run(axes, path, k, x, run, said, _colour(path, coordinate, run))
+            rests = path.motion[run.start] == "rests"
+            _run(axes, path, k, x, run, said, _REST if rests else _WAYS[int(path.directions(coordinate)[run.start])])
         _flags(axes, path, k, x)
-        finish(axes, path.names[k])
-        axes.set_ylabel(path.units[k], fontsize=9)
+        finish(axes, path.names[k], "", path.units[k])
     shared_legend(figure, "outside upper center", 3)
     return figure
 
@@ -71,10 +71,6 @@ def _across(path: BandPath, against: str | None) -> tuple[int | None, np.ndarray
             "joint, such as 'hinge.angle', or leave it out: the bands are drawn over time."
         )
     return found, path.q[:, found], with_unit(against, path.coordinate_units[found])
-
-
-def _colour(path: BandPath, coordinate: int | None, run: slice) -> str:
-    return _REST if path.motion[run.start] == "rests" else _WAYS[int(path.directions(coordinate)[run.start])]
 
 
 def _run(axes: "Axes", path: BandPath, k: int, x: np.ndarray, run: slice, said: str, colour: str) -> None:

@@ -58,7 +58,6 @@ def check(report: LogReport, loads: Sequence[str] | str | None = None) -> "Figur
             axes.fill_between(t, least, expected, color="#999999", alpha=0.35, linewidth=0, label="self-stress")
         axes.plot(t, report.logged[:, k], color=colour, linewidth=1.6, label="log")
         axes.plot(t, expected, color="black", linewidth=1.0, linestyle=(0, (4, 3)), label="possible")
-        finish(axes, f"{report.names[k]}: {stamps[k]}")
-        axes.set_ylabel(report.units[k], fontsize=9)
+        finish(axes, f"{report.names[k]}: {stamps[k]}", "", report.units[k])
     shared_legend(figure, "outside upper center", 3)
     return figure

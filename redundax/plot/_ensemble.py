@@ -11,7 +11,7 @@ from .._system._axis import Axis
 from .._system._names import KEPT, Entry, entries
 from .._system._units import with_unit
 from ._outputs import chosen
-from ._solution_sets import COLOURS, DASHES, finish, new_figure, shared_legend, words
+from ._solution_sets import COLOURS, DASHES, finish, gridded, shared_legend, words
 
 if TYPE_CHECKING:
     import xarray
@@ -57,17 +57,13 @@ def ensemble(
     drawn = chosen(known, outputs, lambda output: _values(ensemble, output).T)
     if not drawn:
         return words("No position varies between the motions.")
-    columns = min(2, len(drawn))
-    rows = -(-len(drawn) // columns)
-    figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
-    for number, output in enumerate(drawn, 1):
-        panel = figure.add_subplot(rows, columns, number)
+    (figure, panels), clock = gridded(len(drawn), 2, (5.2, 2.5), (0.0, 0.8)), ensemble.time.attrs.get("units", "")
+    for number, (panel, output) in enumerate(zip(panels, drawn, strict=True), 1):
         _band(panel, ensemble, output, percentiles)
         if along is not None:
             _verdicts(panel, along, output)
-        clock = with_unit("time", ensemble.time.attrs.get("units", ""))
-        finish(panel, "", clock if number > len(drawn) - columns else "")
-        panel.set_ylabel(with_unit(output.name, _unit(ensemble, output)), fontsize=9)
+        label = with_unit("time", clock) if number > len(drawn) - 2 else ""  # of the lowest ones
+        finish(panel, "", label, with_unit(output.name, _unit(ensemble, output)))
     shared_legend(figure, "outside lower center", 4)
     figure.suptitle(_title(ensemble), fontsize=10, wrap=True)
     return figure

@@ -64,8 +64,8 @@ def spectrum(report: Report) -> "Figure":
     axes.set_xlim(0.3, values.size + 0.7)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     gap = f"; gap {report.gap:.1g}" if np.isfinite(report.gap) else ""
-    finish(axes, f"rank {rank} of {len(report.rows)} constraints{gap}", "number of the singular value")
-    axes.set_ylabel("relative to the largest", fontsize=9)
+    title = f"rank {rank} of {len(report.rows)} constraints{gap}"
+    finish(axes, title, "number of the singular value", "relative to the largest")
     legend_beside(axes)
     return figure
 
@@ -181,8 +181,13 @@ def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, roun
     colour, hatch = (COLOURS[5], "") if exact else ("white", "////")
     axes.barh(place, upper - lower, 0.55, lower, color=colour, hatch=hatch, edgecolor=COLOURS[0], linewidth=1.2)
     low, high = (0.0 if abs(value) <= rounding else value for value in (lower, upper))
-    for text, value, side, align in zip(apart(low, high, 4), (lower, upper), (-4, 4), ("right", "left"), strict=True):
-        axes.annotate(text, (value, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
+    mark_ends(axes, place, (low, high), (lower, upper), 4)
+
+
+def mark_ends(axes: "Axes", place: int, figures: tuple[float, float], ends: tuple[float, float], gap: int) -> None:
+    """Figures at both ends of a bar, some points of print beside it."""
+    for text, end, side, align in zip(apart(*figures, 4), ends, (-gap, gap), ("right", "left"), strict=True):
+        axes.annotate(text, (end, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
 
 
 def new_figure(width: float, height: float) -> "Figure":
@@ -205,6 +210,16 @@ def stacked(heights: Sequence[float], strip: float, label: str) -> tuple["Figure
     panels = list(figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0])
     panels[-1].set_xlabel(label, fontsize=9)
     return figure, panels
+
+
+def gridded(
+    count: int, most: int, size: tuple[float, float], more: tuple[float, float] = (0.0, 0.0)
+) -> tuple["Figure", "list[Axes]"]:
+    """A figure of panels of a size, as many as that `most` in a row, and a margin."""
+    columns = min(most, count)
+    rows = -(-count // columns)
+    figure = new_figure(size[0] * columns + more[0], size[1] * rows + more[1])
+    return figure, [figure.add_subplot(rows, columns, number) for number in range(1, count + 1)]
 
 
 def shared_legend(
@@ -263,24 +278,19 @@ def _most(varying: list[_Varying], most: int) -> list[_Varying]:
 
 def _curves(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
     counted = bool(np.any(family.count != 1))
-    panels = len(varying) + counted
-    columns = min(3, panels)
-    rows = -(-panels // columns)
-    figure = new_figure(3.0 * columns + 0.4, 1.9 * rows + 0.5)
+    figure, panels = gridded(len(varying) + counted, 3, (3.0, 1.9), (0.4, 0.5))
     z = family.z[:, 0]
-    for number, one in enumerate(varying, 1):
-        axes = figure.add_subplot(rows, columns, number)
+    for axes, one in zip(panels, varying, strict=False):
         for piece in range(family.branch.max(initial=-1) + 1):
             on = family.branch == piece
             axes.plot(z[on], one.values[on], color=COLOURS[piece % len(COLOURS)], linewidth=1.4)
         axes.plot(z[family.fold], one.values[family.fold], "o", color=COLOURS[-1], markersize=4)
-        finish(axes, one.title)
-        axes.set_ylabel(one.unit, fontsize=9)
+        finish(axes, one.title, "", one.unit)
         axes.ticklabel_format(useOffset=False)
         axes.locator_params(axis="x", nbins=5)
         axes.locator_params(axis="y", nbins=7)
     if counted:
-        axes = figure.add_subplot(rows, columns, panels)
+        axes = panels[-1]
         axes.step(family.axes[0], family.count, where="mid", color=COLOURS[-1], linewidth=1.4)
         axes.locator_params(axis="x", nbins=5)
         axes.set_yticks(range(int(family.count.max()) + 1))
@@ -291,20 +301,15 @@ def _curves(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
 
 def _maps(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
     """Maps over two amplitudes; of several solutions the one with the least friction is drawn."""
-    columns = min(3, len(varying))
-    rows = -(-len(varying) // columns)
-    figure = new_figure(4.2 * columns, 3.4 * rows)
-    first, second = family.axes
-    for number, one in enumerate(varying, 1):
-        axes = figure.add_subplot(rows, columns, number)
+    (figure, panels), (first, second) = gridded(len(varying), 3, (4.2, 3.4)), family.axes
+    for axes, one in zip(panels, varying, strict=True):
         grid = np.full((first.size, second.size), np.nan)
         order = np.argsort(-np.abs(family.friction).max(axis=1, initial=0.0))
         for k in order[~family.fold[order]]:
             grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = one.values[k]
         drawn = axes.pcolormesh(first, second, grid.T, cmap="cividis", shading="nearest")
         figure.colorbar(drawn, ax=axes, label=one.unit)
-        finish(axes, one.title, _label(family, 0))
-        axes.set_ylabel(_label(family, 1), fontsize=9)
+        finish(axes, one.title, _label(family, 0), _label(family, 1))
         axes.grid(visible=False)
     return figure
 
@@ -314,10 +319,12 @@ def _label(family: SolutionFamily, state: int) -> str:
     return with_unit(f"self-stress added to {name}", family.units[family.names.index(name)])
 
 
-def finish(axes: "Axes", title: str = "", label: str = "") -> None:
-    """Title, label and grid of a panel."""
+def finish(axes: "Axes", title: str = "", label: str = "", upright: str = "") -> None:
+    """Title, labels across and upright, and grid of a panel."""
     axes.set_title(title, fontsize=10)
     if label:
         axes.set_xlabel(label, fontsize=9)
+    if upright:
+        axes.set_ylabel(upright, fontsize=9)
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.3)

@@ -7,8 +7,7 @@ import numpy as np
 
 from .._system._names import index_of
 from .._system._units import with_unit
-from .._tools._table import apart
-from ._solution_sets import COLOURS, KINDS, finish, new_figure, words
+from ._solution_sets import COLOURS, KINDS, finish, mark_ends, new_figure, words
 
 if TYPE_CHECKING:
     import xarray
@@ -81,11 +80,7 @@ def _band(axes: "Axes", place: int, percentiles: np.ndarray, nominal: float) -> 
     axes.barh(place, high - low, 0.55, low, color=COLOURS[5], edgecolor=COLOURS[0], linewidth=1.2)
     axes.vlines(between, place - 0.275, place + 0.275, color=COLOURS[0], linewidth=1.6)
     axes.plot(0.0, place, "D", color=COLOURS[-1], markersize=4)
-    for text, change, side, align in zip(
-        apart(ends[0], ends[-1], 4), (low, high), (-5, 5), ("right", "left"), strict=True
-    ):
-        style = {"textcoords": "offset points", "ha": align, "va": "center", "fontsize": 8}
-        axes.annotate(text, (change, place), (side, 0), **style)
+    mark_ends(axes, place, (ends[0], ends[-1]), (low, high), 5)
 
 
 def _shares(axes: "Axes", place: int, shares: np.ndarray) -> None:

@@ -63,8 +63,7 @@ def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence
         for k, output in enumerate(group):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % 4], "linewidth": 1.4}
             panel.plot(np.asarray(trajectory.t), values(output), label=output.name, **style)
-        finish(panel)
-        panel.set_ylabel(group[0].unit, fontsize=9)
+        finish(panel, "", "", group[0].unit)
         legend_beside(panel, 1 + (len(group) - 1) // _LINES)
     if contacts:
         finish(panels[-1])

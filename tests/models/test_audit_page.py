@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import math
 import re
 import sys
 
@@ -52,6 +53,13 @@ def test_a_planar_mechanism_has_a_picture(tmp_path):
     page = tmp_path / "own.html"
     assert run(f"{tmp_path / 'own.py'}:build", "--html", page)[0] in (0, 3)
     assert 'src="data:image/png;base64,' in page.read_text()
+
+
+def test_what_is_unique_of_a_mechanism_of_ones_own_is_told_by_its_rows(tmp_path):
+    """Cranks side by side hold each other along themselves: square to that, (-sin 0.5, cos 0.5), all is unique."""
+    (tmp_path / "own.py").write_text(PLANAR)
+    status, out, _ = run(f"{tmp_path / 'own.py'}:build")
+    assert status == 3 and f"A1: force {-math.sin(0.5):+.3g} x {math.cos(0.5):+.3g} y" in out
 
 
 def test_a_missing_package_is_told_before_anything_is_computed(tmp_path, monkeypatch):

@@ -49,6 +49,7 @@ from .._bounds import (
     title_of,
 )
 from .._cases import AbstractCases, Affine
+from .._extremes import Ends
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._pushing import Held, analyzed
@@ -252,34 +253,43 @@ def band(
     """
     check_system_at(system, state)
     effort, bounds = effort_of(samples, starts, seed, nodes), checked_bounds(bounds, system)
-    asked, sense = asked_at(system, state, rank, factor, sense)
-    return bands_of(system, asked, state, outputs, bounds, sense, effort)
+    return bands_of(asked_at(system, state, outputs, effort, sense, rank, factor), bounds)
+
+
+class Asked(NamedTuple):
+    """What bands are asked of: the system as it is and with the contacts that are closed, its report, the state, names
+    of outputs, senses of slip, and how long to look."""
+
+    whole: AbstractSystem
+    at: Held
+    report: Report
+    state: State
+    outputs: Sequence[str] | str | None
+    sense: ByName | None
+    effort: Effort
 
 
 def asked_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None, sense: ByName | None
-) -> tuple[tuple[Held, Report], ByName | None]:
-    """The system with the contacts that are closed and its report; and the senses of slip: where none are given those
-    in which drives, or the motion that goes on, start the joints that rest."""
+    system: AbstractSystem,
+    state: State,
+    outputs: Sequence[str] | str | None,
+    effort: Effort,
+    sense: ByName | None,
+    rank: ArrayLike | None,
+    factor: Factorisation | None,
+) -> Asked:
+    """The same; where no senses are given those in which drives, or the motion that goes on, start what rests."""
     at, report = analyzed(system, state, rank, factor, sense=sense)
     if sense is None and report.at_rest and system.friction:
         sense = sense_of_start(at.system, state, at.factor)
         own = None if report.contacts else at.factor
         at, report = (at, report) if sense is None else analyzed(system, state, rank, own, sense=sense)
-    return (at, report), sense
+    return Asked(system, at, report, state, outputs, sense, effort)
 
 
-def bands_of(
-    system: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
-    sense: ByName | None,
-    effort: Effort,
-) -> Bands:
-    """`band`, given the system with the contacts that are closed, and its report."""
-    at, report = asked
+def bands_of(asked: Asked, bounds: AbstractBounds | AbstractClosure) -> Bands:
+    """`band`, given what it is asked of."""
+    system, at, report, state, _, sense, effort = asked
     closure, rubbing = parts_of(bounds)
     if rubbing and not system.friction:
         raise RedundaxError("Argument `bounds` must hold no `friction` where no joint has any. Give joints some first.")
@@ -292,7 +302,7 @@ def bands_of(
     has_sides = play is not None or at.pushing or (isinstance(bounds, MisfitBox) and bounds.radial)
     of_joints = report.pivots and not system.friction and has_sides
     if of_joints and isinstance(bounds, AbstractClosure | MisfitBox):
-        return _of_joints(system, (at, report), state, outputs, bounds, effort)
+        return _of_joints(asked, bounds)
     bounds = bounds if report.pivots else without_play(bounds)
     if system.friction and play is not None and report.at_rest:
         raise RedundaxError(
@@ -300,25 +310,21 @@ def bands_of(
             "for one play at a time. Leave such states out, or give `sense`, with which they begin to slip."
         )
     if rubbing and report.at_rest:
-        at = _at_most(at, state, rubbing, sense)
-    whole, (system, factor, _) = system, at
+        asked = asked._replace(at=_at_most(at, state, rubbing, sense))
+    whole, (system, factor, _) = system, asked.at
     moves = report.contacts and system.friction and not report.at_rest and not report.problem
     if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
         if sense is None and is_still(system, state, factor):
             at, report = analyzed(whole, state, None, None, lifting=True)
-            return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+            return _at_rest(asked._replace(at=at, report=report), bounds)
         _refuse_moving(bounds)
     if (report.at_rest or report.contacts) and not moves:
-        return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+        return _at_rest(asked, bounds)
     if moves or rubbing or (system.friction and play is not None):
-        return _by_solving(whole, (at, report), state, outputs, cast(Any, bounds), sense, effort)
+        return _by_solving(asked, cast(Any, bounds))
     samples, starts, seed, _ = effort
-    solutions, wanted = (
-        solutions_of(system, state, factor, report, sense),
-        wanted_outputs(system, state, outputs, report),
-    )
+    solutions, wanted = _moving(asked)
     matrix, unique = wanted.matrix, wanted.unique
-    check_values(wanted.names, matrix, solutions)
     if not report.pivots and report.undetermined:
         raise RedundaxError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
@@ -333,23 +339,21 @@ def bands_of(
     else:
         found = search.found(matrix, unique, samples, seed)
         pairs = best(found, matrix, unique, 1.0), best(found, matrix, unique, -1.0)
-    lower, upper = (values + wanted.offset for values, _, _ in pairs)
-    exact = (unique | exact_way) & ~np.isnan(lower)
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower,
-        upper=upper,
-        exact=exact,
-        lower_case=cases.figures(pairs[0][1]),
-        upper_case=cases.figures(pairs[1][1]),
-        lower_solution=solutions.shown(pairs[0][2]),
-        upper_solution=solutions.shown(pairs[1][2]),
-        solved=search.solved,
-        outer_lower=np.where(exact, lower, -np.inf),
-        outer_upper=np.where(exact, upper, np.inf),
-        sense=_sense(solutions),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    exact = (unique | exact_way) & ~np.isnan(pairs[0][0])
+    ends = [
+        Ends(value, np.where(exact, value, none), cases.figures(theta), solutions.shown(at))
+        for none, (value, theta, at) in zip((-np.inf, np.inf), pairs, strict=True)
+    ]
+    return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=search.solved)
+
+
+def _moving(asked: Asked) -> tuple[SolutionSet, Wanted]:
+    """All solutions where joints move, and the outputs, which have values there."""
+    _, (system, factor, _), report, state, outputs, sense, _ = asked
+    solutions = solutions_of(system, state, factor, report, sense)
+    wanted = wanted_outputs(system, state, outputs, report)
+    check_values(wanted.names, wanted.matrix, solutions)
+    return solutions, wanted
 
 
 def _refuse_moving(bounds: AbstractBounds) -> None:
@@ -360,16 +364,9 @@ def _refuse_moving(bounds: AbstractBounds) -> None:
     )
 
 
-def _of_joints(
-    whole: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractClosure | MisfitBox,
-    effort: Effort,
-) -> Bands:
+def _of_joints(asked: Asked, bounds: AbstractClosure | MisfitBox) -> Bands:
     """The bands of elastic joints that have play or push, without friction."""
-    (system, factor, pushing), report = asked
+    whole, (system, factor, pushing), report, state, outputs, _, effort = asked
     if report.problem:
         raise NoSolutionError(report.problem)
     solutions = solution_set(system, state, factor, report.self_stress, None)
@@ -389,29 +386,14 @@ def _of_joints(
         return np.asarray(solve(whole, state, closure=own, throw=False).multipliers)
 
     sides, n, m = SidesOfJoints(joints, attained, effort.nodes), len(free.acceleration), len(free.multipliers)
-    ends = [[sides.extreme(sign * row[n : n + m]) for row in wanted.matrix] for sign in (-1.0, 1.0)]
-    base = wanted.matrix[:, :n] @ free.acceleration + wanted.offset
-    (lower, outer_lower), (upper, outer_upper) = (
-        [base + sign * np.array([getattr(end, name) for end in own]) for name in ("value", "bound")]
-        for sign, own in zip((-1.0, 1.0), ends, strict=True)
-    )
-    lower, upper = (np.where(np.isfinite(values), values, np.nan) for values in (lower, upper))
-    solutions_at = [np.stack([np.r_[free.acceleration, end.multipliers] for end in own]) for own in ends]
-    bands = Bands(
-        **_described(system, wanted, bounds, joints.parameters(report.rows)),
-        lower=lower,
-        upper=upper,
-        exact=_met(np.stack([lower, upper]), np.stack([outer_lower, outer_upper])),
-        lower_case=np.stack([end.case for end in ends[0]]),
-        upper_case=np.stack([end.case for end in ends[1]]),
-        lower_solution=solutions_at[0],
-        upper_solution=solutions_at[1],
-        solved=1.0,
-        outer_lower=outer_lower,
-        outer_upper=outer_upper,
-        sense=np.zeros(0),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    base, ends = wanted.matrix[:, :n] @ free.acceleration, []
+    for sign in (-1.0, 1.0):
+        own = [sides.extreme(sign * row[n : n + m]) for row in wanted.matrix]
+        value, bound = (base + sign * np.array([getattr(end, name) for end in own]) for name in ("value", "bound"))
+        at = np.stack([np.r_[free.acceleration, end.multipliers] for end in own])
+        ends.append(Ends(np.where(np.isfinite(value), value, np.nan), bound, np.stack([end.case for end in own]), at))
+    limits = bounds, joints.parameters(report.rows)
+    return _bands(system, wanted, limits, solutions, ends, _met(*ends), solved=1.0)
 
 
 def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Held:
@@ -424,22 +406,10 @@ def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Hel
     return at._replace(system=at.system.rubbing({name: most for name, (_, most) in friction.items()}))
 
 
-def _by_solving(
-    whole: AbstractSystem,
-    asked: tuple[Held, Report],
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractClosure | MisfitBox,
-    sense: ByName | None,
-    effort: Effort,
-) -> Bands:
+def _by_solving(asked: Asked, bounds: AbstractClosure | MisfitBox) -> Bands:
     """The bands of joints that move with friction, have play, or friction within limits, or stand beside contacts."""
-    (system, factor, _), report = asked
-    solutions, wanted = (
-        solutions_of(system, state, factor, report, sense),
-        wanted_outputs(system, state, outputs, report),
-    )
-    check_values(wanted.names, wanted.matrix, solutions)
+    whole, (system, factor, _), report, state, _, sense, effort = asked
+    solutions, wanted = _moving(asked)
     closure, rubbing = cast(tuple[AbstractClosure, Box], parts_of(bounds))
     elastic = elasticity(closure, system, state, play=True)
     misfits = misfits_of(bounds, report.rows, elastic.misfit)
@@ -457,39 +427,17 @@ def _by_solving(
         own, plays, factors = np.split(case, np.cumsum([len(misfits.rows), len(joints.played)]))
         return solved(dict(zip(rubbing, factors, strict=True)), joints.elasticity_at(own), joints.play_of(plays))
 
-    found = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
-    exact = wanted.unique & (not rubbing and not report.contacts) & np.isfinite(found.lower)
-    lower, upper = found.lower + wanted.offset, found.upper + wanted.offset
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower,
-        upper=upper,
-        exact=exact,
-        lower_case=found.lower_case,
-        upper_case=found.upper_case,
-        lower_solution=found.lower_solution,
-        upper_solution=found.upper_solution,
-        solved=found.solved,
-        outer_lower=np.where(exact, lower, -np.inf),
-        outer_upper=np.where(exact, upper, np.inf),
-        sense=_sense(solutions),
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    *ends, share = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
+    exact = wanted.unique & (not rubbing and not report.contacts) & np.isfinite(ends[0].value)
+    ends = [end._replace(bound=np.where(exact, end.value, end.bound)) for end in ends]
+    return _bands(system, wanted, (bounds, cases), solutions, ends, exact, solved=share)
 
 
-def _at_rest(
-    at: Held,
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
-    report: Report,
-    sense: ByName | None,
-    nodes: int,
-) -> Bands:
+def _at_rest(asked: Asked, bounds: AbstractBounds | AbstractClosure) -> Bands:
     """The bands of a mechanism whose joints rest, or some of them, or have no friction."""
+    _, (system, factor, pushing), report, state, outputs, sense, effort = asked
     if report.problem:
         raise NoSolutionError(report.problem)
-    system, factor, pushing = at
     still = is_still(system, state, factor)
     if still:
         state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
@@ -503,63 +451,53 @@ def _at_rest(
     wanted = wanted_outputs(system, state, outputs, report)
     within = bounds.of_misfits if isinstance(bounds, MisfitBox) else bounds
     cases = cases_of(within, system, state, report, solutions)
-    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
+    *ends, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, effort.nodes, wanted.asked)
+    bands = _bands(system, wanted, (bounds, cases), solutions, ends, _met(*ends), solved=float(stands == "yes"))
     stands = "slips" if stands == "no" and not still else stands
-    outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
-    bands = Bands(
-        **_described(system, wanted, bounds, cases),
-        lower=lower.value + wanted.offset,
-        upper=upper.value + wanted.offset,
-        exact=_met(np.stack([lower.value, upper.value]), np.stack([lower.bound, upper.bound])),
-        lower_case=lower.case,
-        upper_case=upper.case,
-        lower_solution=lower.solution,
-        upper_solution=upper.solution,
-        solved=float(stands == "yes"),
-        outer_lower=outer_lower,
-        outer_upper=outer_upper,
-        sense=_sense(solutions),
-        stands=stands if system.friction else None,
-    )
-    return _of_outputs(system, bands, wanted.asked)
+    return dataclasses.replace(bands, stands=stands if system.friction else None)
 
 
-def _met(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
-    """Where inner and outer bounds of both ends, (2, outputs), are one."""
+def _met(lower: Ends, upper: Ends) -> np.ndarray:
+    """Where inner and outer bounds of both ends are one, (outputs,)."""
+    inner, outer = np.stack([lower.value, upper.value]), np.stack([lower.bound, upper.bound])
     size = np.abs(inner).max(axis=0)
     enough = _MEET * np.where((size > 0) & np.isfinite(size), size, 1.0)
     with np.errstate(invalid="ignore"):  # of two infinite ends
         return np.where(inner == outer, 0.0, np.abs(outer - inner)).max(axis=0) <= enough
 
 
-def _of_outputs(system: AbstractSystem, bands: Bands, asked: int) -> Bands:
-    """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
-    n, m = len(system.coordinates), len(system.rows)
-    attained = np.concatenate([bands.lower_solution, bands.upper_solution])[:, n : n + m]
-    by_output = ("names", "kinds", "units", "lower", "upper", "exact", "lower_case", "upper_case", "lower_solution")
-    by_output += ("upper_solution", "outer_lower", "outer_upper")
-    kept = {name: getattr(bands, name)[:asked] for name in by_output}
-    return dataclasses.replace(bands, **kept, pulling=pulling(system.names, attained))
-
-
-def _sense(solutions: SolutionSet) -> np.ndarray:
-    """Of each slip."""
-    return np.zeros(0) if solutions.law is None else np.asarray(solutions.law.sense)
-
-
-def _described(
+def _bands(
     system: AbstractSystem,
     wanted: Wanted,
-    bounds: AbstractBounds | AbstractClosure,
-    cases: AbstractCases | Parameters,
-) -> dict[str, Any]:
-    """What bands are of, and what was bounded."""
-    return {
-        "names": wanted.names,
-        "kinds": wanted.kinds,
-        "units": tuple(unit_of(kind, system.names.units) for kind in wanted.kinds),
-        "bounds": type(bounds).__name__,
-        "parameters": cases.names,
-        "box": cases.box,
-        "title": title_of(bounds, cases),
-    }
+    limits: tuple[AbstractBounds | AbstractClosure, AbstractCases | Parameters],
+    solutions: SolutionSet,
+    ends: Sequence[Ends],
+    exact: np.ndarray,
+    *,
+    solved: float,
+) -> Bands:
+    """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
+    (lower, upper), (bounds, cases), asked = ends, limits, slice(wanted.asked)
+    n, m = len(system.coordinates), len(system.rows)
+    values = [(part + wanted.offset)[asked] for part in (lower.value, upper.value, lower.bound, upper.bound)]
+    return Bands(
+        names=wanted.names[asked],
+        kinds=wanted.kinds[asked],
+        units=tuple(unit_of(kind, system.names.units) for kind in wanted.kinds[asked]),
+        lower=values[0],
+        upper=values[1],
+        exact=exact[asked],
+        bounds=type(bounds).__name__,
+        parameters=cases.names,
+        box=cases.box,
+        lower_case=lower.case[asked],
+        upper_case=upper.case[asked],
+        lower_solution=lower.solution[asked],
+        upper_solution=upper.solution[asked],
+        solved=solved,
+        outer_lower=values[2],
+        outer_upper=values[3],
+        sense=np.zeros(0) if solutions.law is None else np.asarray(solutions.law.sense),
+        title=title_of(bounds, cases),
+        pulling=pulling(system.names, np.concatenate([lower.solution, upper.solution])[:, n : n + m]),
+    )

@@ -306,11 +306,11 @@ def band_along(
     bounds, effort = checked_bounds(bounds, system), effort_of(samples, starts, seed, nodes)
     for k, state in enumerate(each):
         try:
-            (at, report), own = asked_at(system, state, rank, None, sense)
-            found.append(bands_of(system, (at, report), state, outputs, bounds, own, effort))
-            slips.append(free_slips(at.system, state, at.factor))
-            contacts.append(report.contacts)
-            moves.append(not is_still(at.system, state, at.factor))
+            asked = asked_at(system, state, outputs, effort, sense, rank, None)
+            found.append(bands_of(asked, bounds))
+            slips.append(free_slips(asked.at.system, state, asked.at.factor))
+            contacts.append(asked.report.contacts)
+            moves.append(not is_still(asked.at.system, state, asked.at.factor))
         except (ValueError, RuntimeError) as error:
             error.add_note(f"This is state {k} of the path, at t = {float(state.t):.6g}.")
             raise

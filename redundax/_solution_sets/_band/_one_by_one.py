@@ -4,8 +4,7 @@ The middle of the box, its corners and random cases are looked at. From the best
 a time, halved where none is better. What is found is attained; more may be.
 """
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -20,23 +19,13 @@ from ..._system._names import ByName, senses
 from ..._system._results import RESULTS, is_one_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from .._cases import corners
+from .._extremes import Ends
 
 _CORNERS = 6  # entries of a case up to which all corners of the box are looked at
 _SHARE = 8  # of the samples of bands one in as many, as each is solved by itself
 _FIRST, _LAST, _STAYS = 0.5, 1e-4, 2.0**-5  # steps, relative to the box; where none has been better, the last
 _GAIN = 1e-9  # relative, that is no rounding
-
-
-class Found(NamedTuple):
-    """Values (outputs,), cases (outputs, q) and solutions (outputs, n + m + p) at both ends; share with a solution."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-    lower_case: np.ndarray
-    upper_case: np.ndarray
-    lower_solution: np.ndarray
-    upper_solution: np.ndarray
-    solved: float
 
 
 def one_by_one(
@@ -71,19 +60,18 @@ def with_contacts(
 
 def searched(
     attained: Callable[[np.ndarray], np.ndarray], box: np.ndarray, matrix: np.ndarray, samples: int, seed: int
-) -> Found:
-    """The least and the largest matrix [qdd; lam; tau] over a box of cases, (q, 2)."""
+) -> tuple[Ends, Ends, float]:
+    """The least and the largest matrix [qdd; lam; tau] over a box of cases, (q, 2), and the share with a solution."""
     random, (lower, upper) = np.random.default_rng(seed), box.T
     q, span = len(box), upper - lower
-    high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1 if q <= _CORNERS else random.random((2**_CORNERS, q)) < 0.5
+    high = corners(np.zeros(q), np.ones(q)) if q <= _CORNERS else random.random((2**_CORNERS, q)) < 0.5
     shares = [np.full((1, q), 0.5), high, random.random((samples // _SHARE, q))]
     cases = np.unique(lower + np.concatenate(shares) * span, axis=0)
     solutions = np.array([attained(case) for case in cases])
     good = np.all(np.isfinite(solutions), axis=1)
     if not good.any():
-        nothing = np.full(len(matrix), np.nan)
-        of_cases, of_solutions = (np.full((len(matrix), x.shape[1]), np.nan) for x in (cases, solutions))
-        return Found(nothing, nothing, of_cases, of_cases, of_solutions, of_solutions, 0.0)
+        none = [np.full((len(matrix), *size), np.nan) for size in ((), cases.shape[1:], solutions.shape[1:])]
+        return _end(none, -np.inf), _end(none, np.inf), 0.0
     share, values = float(good.mean()), np.where(good[:, None], solutions @ matrix.T, np.nan)
     varies = np.nanmax(values, axis=0) - np.nanmin(values, axis=0) > _GAIN * np.nanmax(np.abs(values), axis=0)
 
@@ -103,6 +91,11 @@ def searched(
             step, last = (step, _LAST) if better else (step / 2, last)
         return value, case, solution
 
-    ends = [[best(k, sign) for k in range(len(matrix))] for sign in (-1.0, 1.0)]
-    (lows, low_cases, low_at), (highs, high_cases, high_at) = (map(np.array, zip(*own, strict=True)) for own in ends)
-    return Found(lows, highs, low_cases, high_cases, low_at, high_at, share)
+    found = [[best(k, sign) for k in range(len(matrix))] for sign in (-1.0, 1.0)]
+    least, most = (map(np.array, zip(*end, strict=True)) for end in found)
+    return _end(least, -np.inf), _end(most, np.inf), share
+
+
+def _end(found: Iterable[np.ndarray], bound: float) -> Ends:
+    value, case, solution = found
+    return Ends(value, np.full(len(value), bound), case, solution)

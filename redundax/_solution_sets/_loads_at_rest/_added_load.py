@@ -6,7 +6,7 @@ import numpy as np
 
 from ..._bodies._loads import AbstractLoad
 from ..._bodies._mechanism import Mechanism
-from ..._system._names import ByName, vector
+from ..._system._names import ByName, unit_of, vector
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._errors import RedundaxError
@@ -33,6 +33,20 @@ def added_load(system: AbstractSystem, state: State, load: ByName | AbstractLoad
     if not found.any():
         raise RedundaxError("Argument `load` must not be zero: multiples of it are asked for. Give a force, N or N m.")
     return found
+
+
+def named_load(system: AbstractSystem, force: Numeric) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Generalised forces by name of coordinate, those that are not 0, and their units."""
+    own = zip(system.coordinates.labels, system.coordinates.angular, force, strict=True)
+    found = [(name, "moment" if angular else "force", float(amount)) for name, angular, amount in own if amount]
+    units = tuple(unit_of(kind, system.names.units) for _, kind, _ in found)
+    return {name: amount for name, _, amount in found}, units
+
+
+def load_in_words(load: Mapping[str, float], units: tuple[str, ...]) -> str:
+    """What `named_load` gives, in a line."""
+    parts = (f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in zip(load.items(), units, strict=True))
+    return f"Added load of amount 1: {', '.join(parts)}"
 
 
 def _is_vector(load: object) -> bool:

@@ -9,6 +9,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._waiting import telling_of
 from .._cases import AbstractCases
+from .._extremes import Ends
 from .._solution_set import SolutionSet
 from ._extreme import LoadsAtRest
 from ._standing import Standing, standing
@@ -17,20 +18,8 @@ _CLEAR = 1e-8  # share of the limits by which a mechanism must stand, or fail to
 _ROUNDING = 1e-12  # of an output that does not vary
 
 
-class Ends(NamedTuple):
-    """Largest values of outputs that were attained, (b,), bounds that none exceeds, (b,), and where: (b, q), (b, x).
-
-    A value without end is inf, and attained nowhere: NaN.
-    """
-
-    value: np.ndarray
-    bound: np.ndarray
-    case: np.ndarray
-    solution: np.ndarray
-
-
 class BandsAtRest(NamedTuple):
-    """Both ends, the lower ones negative, and whether the mechanism may stand: "yes", "no" or "undecided"."""
+    """Both ends, and whether the mechanism may stand: "yes", "no" or "undecided"."""
 
     lower: Ends
     upper: Ends

@@ -22,7 +22,7 @@ from ..._equations._scaling import Scaling, largest_violation
 from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains
 from ..._solve._solve import solve
 from ..._system._contact import Contact, code_of, words
-from ..._system._names import ByName, unit_of
+from ..._system._names import ByName
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
@@ -31,7 +31,7 @@ from ..._tools._json import JSON
 from ..._tools._numbers import Numeric, as_numbers, or_one, xp
 from ..._tools._questions import question
 from ..._tools._table import text_of
-from ._added_load import added_load
+from ._added_load import added_load, load_in_words, named_load
 
 _MINIMUM_NORM = MinimumNorm()
 _BEYOND = 1e-6  # of the amounts: how far beyond a change it is asked what contacts do
@@ -96,9 +96,7 @@ class LiftOff:
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 
     def __str__(self) -> str:
-        given = zip(self.load.items(), self.units, strict=True)
-        load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in given)
-        lines = [f"Added load of amount 1: {load}", f"{self.closure}", f"At 0: {self._loads(0)}"]
+        lines = [load_in_words(self.load, self.units), f"{self.closure}", f"At 0: {self._loads(0)}"]
         for k, amount in enumerate(self.amounts):
             before, after = self.contacts[k : k + 2]
             changed = [f"{name} {does}" for name, does in after.items() if does != before[name]]
@@ -176,14 +174,10 @@ def lift_off(
     force = added_load(system, state, load)
     begins = solve(system, state, closure=closure)
     course = _course(system, state, elasticity(closure, system, state), force, np.asarray(begins.contact))
-    names, rows = system.names, list(system.names.one_sided)
+    names, rows, (named, units) = system.names, list(system.names.one_sided), named_load(system, force)
     return LiftOff(
-        load={name: float(one) for name, one in zip(system.coordinates.labels, force, strict=True) if one},
-        units=tuple(
-            unit_of("moment" if angular else "force", names.units)
-            for angular, one in zip(system.coordinates.angular, force, strict=True)
-            if one
-        ),
+        load=named,
+        units=units,
         amounts=np.array(course.amounts),
         contacts=tuple(
             {name: str(does) for name, does in words(codes, names.contacts).items()} for codes in course.contacts

@@ -21,7 +21,7 @@ from ..._bodies._loads import AbstractLoad
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from ..._equations._factorisation import Factorisation
 from ..._equations._response import Response
-from ..._system._names import ByName, unit_of
+from ..._system._names import ByName
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
@@ -37,7 +37,7 @@ from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_o
 from .._cases import AbstractCases
 from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
-from ._added_load import added_load
+from ._added_load import added_load, load_in_words, named_load
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
 from ._giving_way import giving_way
@@ -113,9 +113,7 @@ class LimitLoad:
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 
     def __str__(self) -> str:
-        amounts = zip(self.load.items(), self.units, strict=True)
-        load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in amounts)
-        lines = [f"Added load of amount 1: {load}", self.title]
+        lines = [load_in_words(self.load, self.units), self.title]
         if np.isnan(self.lower) and np.isnan(self.upper):
             none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
             return text_of([*lines, none])
@@ -220,8 +218,9 @@ def limit_load(
         ends = [_end(sign, system, state, factor, solutions, all_cases, given, nodes) for sign in (-1.0, 1.0)]
     multipliers = np.stack([end.multipliers for end in ends])
     words = dict(zip(names.one_sided, names.contacts, strict=True))
+    named, units = named_load(system, force)
     return LimitLoad(
-        load={name: float(amount) for name, amount in zip(system.coordinates.labels, force, strict=True) if amount},
+        load=named,
         lower=ends[0].value,
         upper=ends[1].value,
         outer_lower=ends[0].bound,
@@ -238,11 +237,7 @@ def limit_load(
         parameters=parameters,
         box=box,
         title=title,
-        units=tuple(
-            unit_of("moment" if angular else "force", system.names.units)
-            for angular, amount in zip(system.coordinates.angular, force, strict=True)
-            if amount
-        ),
+        units=units,
         pulling=pulling(system.names, multipliers),
     )
 

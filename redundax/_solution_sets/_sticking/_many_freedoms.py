@@ -102,8 +102,7 @@ class ManyFreedoms:
         def look(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             nonlocal ends, score
             tried, others = self._states(theta.reshape(-1, theta.shape[-1]))
-            rows = [np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)]
-            ends, score = Ends(*rows, solved=ends.solved), np.concatenate([score, others])
+            ends, score = ends.beside(tried), np.concatenate([score, others])
             return best()
 
         def best() -> tuple[np.ndarray, np.ndarray]:

@@ -185,7 +185,4 @@ def _with_wedged(
         return ends
     resting = solution_set(system, state, factor, report.self_stress, None)
     held = wedged(system, state, factor, resting, cases_of(bounds, system, state, report, resting))
-    if held is None:
-        return ends
-    rows = [np.concatenate(pair) for pair in zip(ends[:-1], held[:-1], strict=True)]
-    return Ends(*rows, solved=ends.solved)
+    return ends if held is None else ends.beside(held)
