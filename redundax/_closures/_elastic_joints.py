@@ -90,8 +90,7 @@ class ElasticJoints(AbstractClosure):
       "K.angle": 1e-4}. Of a pin, a sleeve or a ball it is radial: that of the radii. A joint whose rows have units or
       directions of their own is named by them: of a guide in the plane "K.perpendicular" and "K.angle". A joint carries
       nothing until its parts have moved by it. The ideal mechanism moves as without play: what is not redundant is not
-      loosened. In `band` it is the most that there may be. Motions take it without one-sided contacts and friction of
-      sleeves, balls, plates and points on planes, and with dense matrices.
+      loosened. In `band` it is the most that there may be. Motions take it with dense matrices.
     """
 
     seats: tuple[_Seat, ...]

@@ -7,10 +7,16 @@ accelerations, and the slip rates that they have for those of slip rates. So Cou
 
 is that of joints that stick or start to slip (`_stick`), of whatever slip rates there were. Friction that loads do not
 cause has no impulse.
+
+Surfaces that slide in any direction do so against w+, which turns with all that the impact depends on,
+
+    s = a w+ / |a w+|,   w+ = w(s, x),   dw+ = (1 - dw/ds ds/dw+)^-1 dw/dx dx
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -19,12 +25,14 @@ from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_gamma, slip_motion
 from .._equations._response import LinearResponse, Response
 from .._solvers._friction_problem import Law
+from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._results import RESULTS
 from .._system._results import chosen as chosen_result
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
+from .._tools._no_answer import without_derivative
 from .._tools._numbers import as_numbers, as_program, or_one, stop_gradient, xp
 from ._linear import BLOCKED, Linear
 from ._moving import Equations
@@ -105,7 +113,10 @@ def _rubbing(
         a, lam = jnp.where(impact, a, solved.acceleration), jnp.where(impact, lam, solved.multipliers)
         return a, lam, None, jnp.ones((), bool)
     mode = mode_of(*stop_gradient((equations, state, linear)), jnp.ones((), bool))
-    solved = equations.with_sense(mode.sense).solved(state, linear, mode.tau)
+    sense = mode.sense
+    if equations.directions is not None:
+        sense = _against_slips(equations, state, linear, mode, impact)
+    solved = equations.with_sense(sense).solved(state, linear, mode.tau)
     mode = mode._replace(tau=solved.tau, resting=jnp.zeros_like(mode.resting))
     # Where rows that would pull jam, the loads of one sweep tell which, as in `solve`.
     jams = ~jnp.all(jnp.isfinite(solved.tau))
@@ -113,3 +124,31 @@ def _rubbing(
     swept = linear.response.at(law(linear.response.free.multipliers[load_rows(equations.system.friction)]))
     a, lam = (jnp.where(jams, *each) for each in zip(swept, (solved.acceleration, solved.multipliers), strict=True))
     return a, lam, mode, mode.decided & ~jams
+
+
+@eqx.filter_custom_jvp
+def _against_slips(
+    equations: Equations, state: State, linear: Linear, mode: Mode, impact: Bool[Array, ""]
+) -> Float[Array, " p"]:
+    """The senses of joints, of which the directions of those that an impact leaves sliding turn with its slips."""
+    return mode.sense
+
+
+@_against_slips.def_jvp
+def _against_slips_jvp(primals: tuple, tangents: tuple) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    equations, state, linear, mode, impact = primals
+    directions, given = cast(Directions, equations.directions), primals[:3]
+    slides = impact & directions.directed & directions.any(mode.sense != 0)
+
+    def slips(equations: Equations, state: State, linear: Linear) -> Float[Array, " p"]:
+        return equations.with_sense(mode.sense).solved(state, linear, mode.tau).slip
+
+    def senses(slips: Float[Array, " p"]) -> Float[Array, " p"]:
+        return jnp.where(slides, directions.unit(directions.arms * slips), mode.sense)
+
+    def again(slips: Float[Array, " p"]) -> Float[Array, " p"]:
+        return equations.with_sense(senses(slips)).solved(state, linear, mode.tau).slip
+
+    after, turned = eqx.filter_jvp(slips, given, tangents[:3])
+    turns = jnp.linalg.solve(jnp.eye(after.size, dtype=after.dtype) - jax.jacfwd(again)(after), turned)
+    return mode.sense, without_derivative(jnp.any(slides), jax.jvp(senses, (after,), (turns,))[1])

@@ -99,3 +99,27 @@ def test_derivatives_across_an_impact_at_which_feet_stick():
         sides = [truth(*(np.array(at) + s * step)) for s in (-2, -1, 1, 2)]
         slope = (sides[0] - 8 * sides[1] + 8 * sides[2] - sides[3]) / (12 * step[k])
         np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-7)
+
+
+def test_derivatives_across_an_impact_that_slides_askew_in_space():
+    """A particle that strikes a floor slides on the way it went, v (1 - mu g t / |v|), which turns with velocities."""
+
+    def thrown(figures):
+        mu, *velocity = figures
+        body = rx.spatial.Body("b", 2.0, inertia=(0.1, 0.2, 0.3))
+        rough = {"friction": rx.Coulomb(mu), "one_sided": True}
+        foot = rx.spatial.PointOnPlane("foot", body, "ground", (0.0, 0.0, 0.0), (0, 0, 1), **rough)
+        particle = rx.Mechanism([body], [foot], gravity=(0.0, 0.0, -G))
+        start = rx.State(jnp.eye(7)[3].at[2].set(0.05), jnp.stack([*velocity, *[0.0 * mu] * 4]))
+        forward = diffrax.ForwardMode()
+        return rx.simulate(particle, start, 0.2, ts=[0.2], max_phases=3, throw=False, adjoint=forward).qd[0, :2]
+
+    def by_hand(figures):
+        mu, *velocity = figures
+        velocity = jnp.stack(velocity)
+        return velocity * (1 - mu * G * 0.2 / jnp.linalg.norm(velocity))
+
+    at = jnp.array([0.3, 1.2, -0.7])
+    slopes, found = jax.jit(jax.jacfwd(lambda x: (thrown(x),) * 2, has_aux=True))(at)
+    np.testing.assert_allclose(found, by_hand(at), rtol=1e-8)
+    np.testing.assert_allclose(slopes, jax.jacfwd(by_hand)(at), rtol=1e-7)
