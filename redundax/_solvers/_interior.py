@@ -104,7 +104,8 @@ def interior(
         zero,
         jnp.zeros((), int),
     )
-    end = jax.lax.while_loop(going, lambda now: _stepped(equations, now, held, enough[0]), begin)
+    tied = jnp.asarray(same / jnp.sum(same, axis=1, keepdims=True), free.dtype)
+    end = jax.lax.while_loop(going, lambda now: _stepped(equations, now, held, tied, enough[0]), begin)
     tau = arms * unit * end.force
     low, high = limits(tau)
     loaded = directions.any(low < high) & ~blocked  # by friction, too
@@ -119,8 +120,13 @@ def _missing(equations: _Conditions, point: _Point, held: Bool[Array, " p"]) -> 
     return about, balance, jnp.where(held, room - point.slack, 0.0)
 
 
-def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], enough: float) -> _Point:
-    """A step of Newton's method to a smaller product of slacks and multipliers, predicted and corrected (Mehrotra)."""
+def _stepped(
+    equations: _Conditions, point: _Point, held: Bool[Array, " p"], tied: Float[Array, "p p"], enough: float
+) -> _Point:
+    """A step of Newton's method to a smaller product of slacks and multipliers, predicted and corrected (Mehrotra).
+
+    Those of a joint are `tied` to their mean, as rounding would have them part.
+    """
     about, balance, off = _missing(equations, point, held)
     slopes = jax.jacfwd(equations)(point.force)
     slack, multiplier = point.slack, point.multiplier
@@ -158,7 +164,9 @@ def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], eno
     last = direction(centre - far * far * first[1] * first[2])
     go = part(last)
     after = point._replace(
-        force=point.force + go * last[0], slack=slack + go * last[1], multiplier=multiplier + go * last[2]
+        force=point.force + go * last[0],
+        slack=tied @ (slack + go * last[1]),
+        multiplier=tied @ (multiplier + go * last[2]),
     )
     _, balance, off = _missing(equations, after, held)
     missed = jnp.maximum(jnp.max(jnp.abs(balance), initial=0.0), jnp.max(jnp.abs(off), initial=0.0))
