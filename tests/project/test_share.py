@@ -23,7 +23,7 @@ def commit(tmp_path):
             path = tmp_path / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
-        date = {f"GIT_{who}_DATE": f"{1_700_000_000 + 3600 * hours} +0000" for who in ("AUTHOR", "COMMITTER")}
+        date = {f"GIT_{who}_DATE": f"{1_700_006_400 + 3600 * hours} +0000" for who in ("AUTHOR", "COMMITTER")}
         for line in ("init -q", "add -A", "-c user.name=a -c user.email=a commit -q --allow-empty -m a"):
             subprocess.run(["git", *line.split()], cwd=tmp_path, env=os.environ | date, check=True)
         return share.chosen(tmp_path, 3)
@@ -32,8 +32,8 @@ def commit(tmp_path):
     return made
 
 
-def test_commits_in_a_row_run_every_file(commit):
-    runs = [commit(100)[0] for _ in range(3)]
+def test_commits_of_a_day_run_every_file(commit):
+    runs = [commit(100 + hours)[0] for hours in (0, 4, 9)]
     assert sorted(itertools.chain(*runs)) == FILES
     assert [len(files) for files in runs] == [6, 6, 6]
 
@@ -49,7 +49,7 @@ def test_what_changed_runs_too(commit):
         ("docs/page.md", "1", set()),
     ]
     for k, (path, text, touched) in enumerate(changes):
-        files, said = commit(200 + 100 * k, **{path: text})
+        files, said = commit(192 + 100 * k, **{path: text})
         assert set(files) == touched | set(FILES[k % 3 :: 3])
         assert said.endswith(f"share {k % 3 + 1} of 3, 6 files, and {len(touched)} files of what changed in 6 hours")
     assert "tests/plot/test_1.py" in commit(604, **{"redundax/_bodies/_b.py": "2"})[0]

@@ -3,8 +3,8 @@
     python tests/support/share.py [--of 6] [--all]      with --all, of all tests
 
 Prints them, a line each, and on stderr which share it is and why. Files are dealt in their order, so that a share has
-some of each folder, and the number of the commit says whose turn it is: as many commits in a row run every file. Where
-the clone does not know the number, the commit's hash says it.
+some of each folder, and the time of the commit says whose turn it is, which goes on every TURN hours: however many
+commits are merged at once, none waits for longer than a day.
 
 Changed is what differs from the commit HOURS ago, where the clone has one. A test file goes with it if it changed
 itself, or if its folder, its name or its imports name a changed part of the package, of the tests' support or of the
@@ -19,6 +19,7 @@ import sys
 from pathlib import Path, PurePosixPath
 
 HOURS = 6  # what is merged at once was written within some hours
+TURN = 4  # hours, about those from one merge to the next
 
 
 def git(root: Path, *arguments: str) -> str:
@@ -31,9 +32,7 @@ def git(root: Path, *arguments: str) -> str:
 
 def turn(root: Path, of: int) -> int:
     """The number of the share that the commit runs, from 0."""
-    if git(root, "rev-parse", "--is-shallow-repository") == "false":
-        return int(git(root, "rev-list", "--count", "HEAD") or 0) % of
-    return int(git(root, "rev-parse", "HEAD") or "0", 16) % of
+    return int(git(root, "log", "-1", "--format=%ct") or 0) // (3600 * TURN) % of
 
 
 def changed(root: Path) -> set[str]:
