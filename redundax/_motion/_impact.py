@@ -61,8 +61,8 @@ class Before(NamedTuple):
 
 class After(NamedTuple):
     """How it goes on: the state, its factorisation, which contacts hold, which joints stick, where any can; whether
-    that is found, and the friction of an impact known; the impulses of contacts, the energy that they took, and whether
-    there was an impact."""
+    that is found, and the friction of an impact known; the impulses of contacts, the energy that they took, whether
+    there was an impact, and the bound of the contraction of friction in it."""
 
     state: State
     factor: Factorisation
@@ -74,6 +74,7 @@ class After(NamedTuple):
     lost: Float[Array, ""]
     work: Float[Array, ""]
     strikes: Bool[Array, ""]
+    contraction: Float[Array, ""]
 
 
 class _Now(NamedTuple):
@@ -151,7 +152,7 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
 
     begin = _Now(state.qd, xp.zeros_like(right, bool))
     now, (*impact, end) = scan(turn, begin, _TURNS[_GOES_ON:] if known and not strikes else _TURNS)
-    impulses, well, rubs = _struck(impact, system, (jacobian, right, scales), equations.speed, calm)
+    impulses, well, rubs, contraction = _struck(impact, system, (jacobian, right, scales), equations.speed, calm)
     impulses = xp.where(strikes, impulses, 0.0)
     work = prescribed_rate(system.opened(xp.ones_like(end.kept)), state.q, state.t) @ impulses
     sound = xp.ones((), bool) if equations.has_sense else _is_sound(end, (jacobian, end.factor.gamma, scales))
@@ -171,6 +172,7 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
         (state.qd @ model.mass @ state.qd - now.qd @ model.mass @ now.qd) / 2 + work,
         work,
         strikes,
+        xp.where(strikes, contraction, 0.0),
     )
 
 
@@ -187,11 +189,11 @@ def _is_sound(end: _Turn, at: tuple[Array, Array, Scaling]) -> Bool[Array, ""]:
 
 def _struck(
     impact: list[_Turn], system: AbstractSystem, at: tuple[Array, Array, Scaling], speed: Array, calm: Array
-) -> tuple[Float[Array, " m"], Bool[Array, ""], Bool[Array, ""]]:
-    """Impulses, whether velocities after an impact are found, and whether joints are loaded whose friction has no law
-    of impulses; of none where there is no impact."""
+) -> tuple[Float[Array, " m"], Bool[Array, ""], Bool[Array, ""], Float[Array, ""]]:
+    """Impulses, whether velocities after an impact are found, whether joints are loaded whose friction has no law of
+    impulses, and the bound of the contraction of friction; of none where there is no impact."""
     if not impact:
-        return xp.zeros(len(system.rows)), xp.ones((), bool), xp.zeros((), bool)
+        return xp.zeros(len(system.rows)), xp.ones((), bool), xp.zeros((), bool), xp.zeros_like(speed)
     (jacobian, right, scales), (strikes, holds) = at, impact
     missed = xp.where(holds.kept, jacobian @ holds.solution.acceleration - right, 0.0) / scales.rows
     # Redundant contacts may rebound in ways that contradict the rest of others, by no more than rebounds that are none.
@@ -200,7 +202,8 @@ def _struck(
     whole = xp.abs(multipliers * scales.rows)
     rubs = xp.any(take(whole, _without_impulse(system)) > CLEAR * xp.max(whole))
     impulses = xp.where(strikes.kept, multipliers, 0.0)
-    return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs
+    contraction = xp.maximum(strikes.solution.contraction, holds.solution.contraction)
+    return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs, contraction
 
 
 def _idle(equations: Equations, state: State, kept: Bool[Array, " m"]) -> Bool[Array, " p"]:

@@ -358,7 +358,15 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         at_rest = equations.is_none(slip_motion(system, after.state)[0]) & ~touch.idle
         released = at_rest & equations.directions.directed & equations.directions.any(mode.sense != 0)
     return now._replace(
-        y=y, mode=mode, held=held, since=now.t, released=released, plan=plan, contacts=contacts, going=going
+        y=y,
+        mode=mode,
+        held=held,
+        since=now.t,
+        released=released,
+        plan=plan,
+        contacts=contacts,
+        going=going,
+        watch=now.watch._replace(contraction=xp.maximum(now.watch.contraction, after.contraction)),
     )
 
 

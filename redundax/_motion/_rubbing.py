@@ -24,7 +24,7 @@ from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_gamma, slip_motion
 from .._equations._response import LinearResponse, Response
-from .._solvers._friction_problem import Law
+from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._results import RESULTS
@@ -53,13 +53,14 @@ class Instant(NamedTuple):
 
 
 class AtInstant(NamedTuple):
-    """Accelerations and multipliers, or velocities after an impact and impulses; which joints stick, where any can; and
-    whether they are found."""
+    """Accelerations and multipliers, or velocities after an impact and impulses; which joints stick, where any can;
+    whether they are found; and the bound of the contraction of friction."""
 
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
     mode: Mode | None
     result: RESULTS
+    contraction: Float[Array, ""]
 
 
 def at_instant(
@@ -85,6 +86,7 @@ def at_instant(
     a, lam = factor.respond(xp.concatenate([load[:, None], directions], axis=1), wanted)
     lam = pick(lam)
     free, mode, decided = Response(a[:, 0], lam[:, 0] + caused), None, definiteness.is_yes
+    contraction = xp.zeros_like(rate, shape=())
     if system.friction:
         response = LinearResponse(free, Response(a[:, 1:], lam[:, 1:]))
         slip, bent = directions.T @ a, -slip_gamma(system, state) if has_sense else 0.0
@@ -96,22 +98,23 @@ def at_instant(
         alone = xp.sum(xp.where(mass > 0, directions**2 / or_one(mass), 0.0), axis=0)
         linear = linear.without_rounding(alone, right, factor.scaling.rows)
         own = replace_fields(asked.equations, system=system, touch=None)
-        *free, mode, decided = _rubbing(own, state, linear, impact)
+        *free, mode, decided, contraction = _rubbing(own, state, linear, impact)
     a, lam = (brief * x for x in free)
     finite = xp.all(xp.isfinite(a)) & xp.all(xp.isfinite(lam))
     good, none, bad = as_numbers((RESULTS.successful, RESULTS.no_solution_found, RESULTS.not_finite))
-    return AtInstant(a, lam, mode, chosen_result(finite, chosen_result(decided, good, none), bad))
+    return AtInstant(a, lam, mode, chosen_result(finite, chosen_result(decided, good, none), bad), contraction)
 
 
 @as_program
 def _rubbing(
     equations: Equations, state: State, linear: Linear, impact: Bool[Array, ""]
-) -> tuple[Float[Array, " n"], Float[Array, " m"], Mode | None, Bool[Array, ""]]:
-    """The equations solved, with those joints sticking that do, which has no derivative; and if that is decided."""
+) -> tuple[Float[Array, " n"], Float[Array, " m"], Mode | None, Bool[Array, ""], Float[Array, ""]]:
+    """The equations solved, with those joints sticking that do, which has no derivative; if that is decided, and the
+    bound of the contraction of friction if all slip."""
     if not equations.has_sense:  # of which none has an impulse that is known
         solved, (a, lam) = equations.solved(state, linear, None), linear.response.free
         a, lam = jnp.where(impact, a, solved.acceleration), jnp.where(impact, lam, solved.multipliers)
-        return a, lam, None, jnp.ones((), bool)
+        return a, lam, None, jnp.ones((), bool), jnp.where(impact, 0.0, solved.contraction)
     mode = mode_of(*stop_gradient((equations, state, linear)), jnp.ones((), bool))
     sense = mode.sense
     if equations.directions is not None:
@@ -121,9 +124,12 @@ def _rubbing(
     # Where rows that would pull jam, the loads of one sweep tell which, as in `solve`.
     jams = ~jnp.all(jnp.isfinite(solved.tau))
     law = Law.of(*stop_gradient((equations.system, linear.rate, mode.sense, state)))
-    swept = linear.response.at(law(linear.response.free.multipliers[load_rows(equations.system.friction)]))
+    rows = load_rows(equations.system.friction)
+    rho0, gain = stop_gradient((linear.response.free.multipliers[rows], linear.response.unit.multipliers[rows]))
+    problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(equations.system.rows.angular)[rows])
+    swept = linear.response.at(law(linear.response.free.multipliers[rows]))
     a, lam = (jnp.where(jams, *each) for each in zip(swept, (solved.acceleration, solved.multipliers), strict=True))
-    return a, lam, mode, mode.decided & ~jams
+    return a, lam, mode, mode.decided & ~jams, problem.contraction_anywhere()
 
 
 @eqx.filter_custom_jvp

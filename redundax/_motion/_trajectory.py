@@ -33,8 +33,9 @@ class TrajectoryStats(AbstractFigures, AbstractModule):
     - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it, infinite where
       there was no step.
     - `contraction`: largest bound of the contraction of friction at all loads; below 1 friction, and so the motion, is
-      proved unique under the closure. By sparse matrices it is an estimate where the motion is, and of joints with play
-      that of the sides at which they stand, which proves nothing.
+      proved unique under the closure, with those joints sticking that do; of impacts it is that if all slip. By sparse
+      matrices it is an estimate where the motion is, and of joints with play that of the sides at which they stand,
+      which proves nothing.
     - `jump`: where it is not, the largest change of friction in a step, relative to its size; at most 0.1, so that the
       motion follows one branch of solutions.
     """

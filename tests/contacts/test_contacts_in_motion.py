@@ -530,3 +530,19 @@ def test_what_motions_with_contacts_cannot_be_asked():
         rx.simulate(ball(), dropped(), 1.0, restitution=1.5)
     with pytest.raises(rx.RedundaxError, match="`restitution` must hold names of contacts, but holds 'floor'"):
         rx.simulate(ball(), dropped(), 1.0, restitution={"floor": 0.5})
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.2])
+def test_a_rod_that_strikes_says_whether_its_impact_is_the_only_one(mu):
+    """By friction mu P a foot pulls itself into the floor if the rod leans: P = P_0 +- mu P n M^-1 t / n M^-1 n."""
+    mass, inertia, across, high = 1.0, 0.02, 0.15, 0.3
+    rod = rx.Body("rod", mass, inertia)
+    foot = rx.PinInSlot(
+        "foot", "rod", "ground", (across, -high), (0.0, 0.0), (0.0, 1.0), friction=rx.Coulomb(mu), one_sided=True
+    )
+    begin = rx.State([0.0, high + 0.02, 0.0], [4.0, 0.0, 0.0])
+    motion = rx.simulate(rx.Mechanism([rod], [foot], gravity=(0.0, -G)), begin, 0.07, ts=[0.07], restitution=0.5)
+    assert motion.impacts.t.size == 1
+    adds = mu * across * high / inertia / (1 / mass + across**2 / inertia)
+    np.testing.assert_allclose(motion.stats.contraction, adds, rtol=1e-9)
+    assert (adds < 1) == (mu == 0.3)  # and of several, one is gone on with
