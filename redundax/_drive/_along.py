@@ -158,7 +158,7 @@ def along(
 def started(system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, throw: bool | None) -> State:
     """Where the motion of a system with laws begins, at their first values."""
     t, base = times_of(ts)[0], system.undriven if laws else system
-    positions = {name: jnp.asarray(law_of_time(law, "laws")(t)) for name, law in laws.items()}
+    positions = {name: jnp.asarray(law_of_time(law, f"laws[{name!r}]")(t)) for name, law in laws.items()}
     traced = not are_known(system, t, q)
     if traced or are_known(positions):
         state = assemble(base, q, t=t, positions=positions, throw=throw)
@@ -204,7 +204,7 @@ def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
     known, functions, places, kinds = coordinates_of(system), [], [], []
     for name, law in laws.items():
         place = index_of("laws", name, known.labels, " of coordinates")
-        functions.append(law_of_time(law, "laws"))
+        functions.append(law_of_time(law, f"laws[{name!r}]"))
         check_law("laws", name, functions[-1])
         places.append(place if system.adds else place + len(system.coordinates))
         kinds.append("moment" if known.angular[place] else "force")

@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 from .._system._law import AbstractLaw
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, figure, is_concrete, on_device, optional_float, positive
+from .._tools._words import short
 
 
 class AbstractMove(AbstractLaw):
@@ -283,7 +284,11 @@ class Sampled(AbstractLaw):
     def __init__(self, times: Numbers, values: Numbers, *, ends: str = "clamped"):
         from scipy.interpolate import CubicSpline
 
-        knots, self.values, self.ends = np.asarray(as_float(times, "times"), float), as_float(values, "values"), ends
+        try:
+            knots = np.asarray(times, float)
+        except (TypeError, ValueError):
+            raise RedundaxError(f"Argument `times` must hold numbers, but is {short(times)}. Give a list.") from None
+        self.values, self.ends = as_float(values, "values"), ends
         kinds = ("clamped", "periodic", "not-a-knot", "natural")
         if ends not in kinds:
             raise RedundaxError(f"Argument `ends` must be one of {', '.join(kinds)}, but is {ends!r}. Choose one.")

@@ -163,7 +163,7 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         return _solved(self.factor, residual - self.held.basis @ (self.stress.T @ residual))
 
     def close(self, compliance: Float[Array, "m m"]) -> tuple[HeldPick, Array]:
-        """As of any factorisation; the evidence is |B^T X| by M^-1, free of units."""
+        """As of any factorisation; the evidence is |B^T X| by M^-1, free of units where M is regular."""
         stress = self.stress / self.held.row_scale[:, None]
         return HeldPick(_root(stress, self.held.basis, compliance), compliance), self._excess
 

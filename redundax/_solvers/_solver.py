@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from .._system._results import RESULTS
 from .._tools._chunks import in_chunks
-from .._tools._module import check_kind, check_whole, optional_figure, positive
+from .._tools._module import check_kind, check_whole, not_negative, optional_figure
 from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, xp
 from .._tools._value import AbstractModule, value
 from ._friction_problem import AbstractFrictionProblem, FrictionProblem
@@ -53,7 +53,7 @@ class AbstractSolver(AbstractModule):
     def __check_init__(self) -> None:
         check_whole(0, max_steps=self.max_steps)
         if self.rtol is not None:
-            positive("rtol", self.rtol)
+            not_negative("rtol", self.rtol)
 
     @abc.abstractmethod
     def run(self, problem: AbstractFrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._tools._errors import RedundaxError
+from .._tools._module import names_in
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,14 +74,17 @@ class Axis:
         return Axis(None, self.kinds)
 
 
-def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> Axis:
+def axis(argument: str, kinds: Axis | Sequence[str] | str, size: int) -> Axis:
     """An axis of `size` entries; one kind may be given for all."""
-    kinds = (kinds,) * size if isinstance(kinds, str) else tuple(kinds)
+    if isinstance(kinds, Axis):
+        return kinds
+    kinds = (kinds,) * size if isinstance(kinds, str) else tuple(names_in(argument, kinds))
     if len(kinds) != size:
         raise RedundaxError(
-            f"Argument `kinds` must have {size} entries, but has {len(kinds)}. Give one for each, or one word for all."
+            f"Argument `{argument}` must have {size} entries, but has {len(kinds)}. Give one for each, or one word for "
+            "all."
         )
-    return Axis(None if names is None else tuple(names), kinds)
+    return Axis(None, kinds)
 
 
 def join(axes: Sequence[Axis]) -> Axis:

@@ -10,7 +10,7 @@ the sign of tau opposite to the sense.
 
 import abc
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Self
 
 import equinox as eqx
@@ -20,7 +20,16 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, check_callable, figure, replace_fields
+from .._tools._module import (
+    Numbers,
+    as_functions,
+    as_parameters,
+    check_callable,
+    figure,
+    floats,
+    is_concrete,
+    replace_fields,
+)
 from .._tools._numbers import Numeric, known, of_model, xp
 from .._tools._value import AbstractModule
 from ._axis import Axis, join
@@ -154,13 +163,13 @@ class Friction(AbstractFriction):
                 "Arguments `memory` and `memory_rate` must be given together, but one is None. "
                 "Give the sizes of the internal state and its rate of change."
             )
-        given = np.asarray(as_float(rows, "rows"))
-        if np.any(given != np.round(given)):
+        given = floats(rows, "rows")
+        if is_concrete(given) and np.any(given != np.round(given)):
             raise RedundaxError(
                 f"Argument `rows` must hold indices of multipliers, but holds {given.tolist()}. Give whole numbers."
             )
-        self.rows = jnp.asarray(given, dtype=int)
-        if isinstance(kinds, str) or not isinstance(kinds, Axis | Sequence):
+        self.rows = jnp.asarray(rows, dtype=int)
+        if isinstance(kinds, str) or not isinstance(kinds, Axis | Iterable):
             raise RedundaxError(
                 f"Argument `kinds` must hold one kind for each slip, as in ['linear'], but is {kinds!r}. Give a list."
             )

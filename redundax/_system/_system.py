@@ -35,6 +35,7 @@ from .._tools._module import (
     finite,
     is_concrete,
     moved,
+    names_in,
     one_number,
     positive,
     replace_fields,
@@ -377,7 +378,7 @@ class System(AbstractSystem):
         self._velocity_constraints = as_functions(velocity_constraints)
         self._mass = as_functions(mass) if callable(mass) else as_float(mass, "mass")
         if n is None:
-            n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
+            n = _count("coordinates", coordinates) if callable(self._mass) else self._mass.shape[0]
         if n is None:
             raise RedundaxError(
                 "Argument `n` must be given where `mass` is a function and `coordinates` one word. "
@@ -389,15 +390,14 @@ class System(AbstractSystem):
                 "Give one mass for each coordinate, or a matrix."
             )
         if m is None:
-            m = _count(rows)
+            m = _count("rows", rows)
         if m is None:
             m = self._trial_rows(n) + self._trial_velocities(n)
         self.friction = tuple(friction) if isinstance(friction, Sequence) else (friction,)
         for group in self.friction:
             advice = "Give `rx.Friction(slip, force, rows=..., kinds=...)`; models such as `rx.Coulomb` go to joints."
             check_kind("friction", group, AbstractFriction, "friction of a system", advice)
-        coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
-        rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
+        coordinates, rows = axis("coordinates", coordinates, n), axis("rows", rows, m)
         coordinates.check("coordinates", ("linear", "angular"))
         rows.check("rows", ("force", "moment"))
         for group in self.friction:
@@ -406,7 +406,7 @@ class System(AbstractSystem):
                     f"Argument `rows` of the friction must hold indices of the {m} constraint rows, but holds "
                     f"{np.asarray(group.rows).ravel().tolist()}. Count from 0."
                 )
-        contacts = tuple(sorted(_index(row, rows) for row in one_sided))
+        contacts = tuple(sorted(_index(row, rows) for row in names_in("one_sided", one_sided)))
         named = stated(units)
         self._has_length, self._length = length is not None, _length_of(length, coordinates, named)
         self._names = Names(
@@ -558,8 +558,10 @@ def _length_of(length: ArrayLike | None, coordinates: Axis, units: StatedUnits) 
     return size
 
 
-def _count(kinds: Axis | Sequence[str] | str) -> int | None:
-    return None if isinstance(kinds, str) else len(kinds)
+def _count(argument: str, kinds: Axis | Sequence[str] | str) -> int | None:
+    if isinstance(kinds, str):
+        return None
+    return len(kinds) if isinstance(kinds, Axis) else len(names_in(argument, kinds))
 
 
 def check_system(system: object) -> None:

@@ -10,7 +10,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import ModuleType, UnionType
-from typing import Any, SupportsIndex, TypeVar
+from typing import Any, SupportsIndex, TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -27,6 +27,7 @@ from ._value import AbstractModule
 from ._words import short
 
 T = TypeVar("T")
+N = TypeVar("N", bound=str | int)
 
 
 # What users may write for an array: lists of numbers too.
@@ -253,13 +254,13 @@ def check_seed(seed: object) -> None:
         ) from error
 
 
-def names_in(argument: str, value: Iterable[str]) -> list[str]:
-    """Names, of which a single one may stand by itself."""
+def names_in(argument: str, value: Iterable[N]) -> list[N]:
+    """Names, or their numbers, of which a single name may stand by itself."""
     if not isinstance(value, Iterable):
         raise RedundaxError(
             f"Argument `{argument}` must hold names, but is {short(value)}. Write them in quotes, as a list."
         )
-    return [value] if isinstance(value, str) else list(value)
+    return [cast(N, value)] if isinstance(value, str) else list(value)
 
 
 def moved(q: Array, d: Array) -> Array:

@@ -1,6 +1,6 @@
-"""What is no argument at all is refused by the argument's name: every argument of every public call, found by looking.
+"""What is no argument at all is refused by the argument's name, in every public call, found by looking.
 
-A call that is added has no line here until it is given one.
+A call that is added fails here until it has a line, with the arguments that cannot be anything.
 """
 
 import inspect
@@ -188,7 +188,8 @@ CALLS = {
     rx.Sampled: {"times": [0.0, 1.0, 2.0], "values": [0.0, 1.0, 0.0], "ends": "clamped"},
     rx.Trapezoid: STROKE | TIMES,
     rx.State: {"q": [0.0], "qd": [0.0], "t": 0.0},
-    rx.System: {"constraint": lambda q, t, p: q[:1], "mass": jnp.eye(2), "n": 2, "units": units.SI},
+    rx.System: {"constraint": lambda q, t, p: q[:1], "mass": jnp.eye(2), "n": 2, "units": units.SI}
+    | {"coordinates": "linear", "rows": ["force"], "one_sided": ()},
     units.Units: {"length": 1.0, "angle": 1.0, "mass": 1.0, "time": 1.0},
 }
 # What calls give or what parts inherit from, and spatial joints of which each axis is told by its own name.

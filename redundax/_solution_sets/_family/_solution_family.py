@@ -364,13 +364,13 @@ def _measure(
 
 
 def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarray, ...]:
-    axes = (z,) if len(stress) == 1 else tuple(z)  # pyright: ignore[reportArgumentType]
+    axes = (z,) if len(stress) == 1 or not isinstance(z, Iterable) else tuple(z)
     if len(axes) != len(stress):
         raise RedundaxError(
             f"Argument `z` must hold one array for each of {len(stress)} states, but holds {len(axes)}. "
             "Give as many arrays, or name fewer states in `along`."
         )
-    out = tuple(np.asarray(as_float(axis), float) for axis in axes)  # pyright: ignore[reportArgumentType]
+    out = tuple(np.asarray(as_float(axis, "z"), float) for axis in axes)  # pyright: ignore[reportArgumentType]
     if any(axis.ndim != 1 or not axis.size or np.any(np.diff(axis) <= 0) for axis in out):
         raise RedundaxError(
             "Argument `z` must hold increasing amplitudes, but some do not increase. "
