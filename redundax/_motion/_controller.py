@@ -137,7 +137,8 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             at = stop_gradient(_beside(self.jumps, -jnp.inf)) == stop_gradient(t1)
             jumps = keep & jnp.any(at)
             t = jnp.where(jumps, _beside(self.jumps, jnp.inf)[jnp.argmax(at)], t)
-            following = jnp.where(jumps, stop_gradient(t + self.first), following)
+            ahead = jnp.inf if control.plan is None else jnp.where(y_error.ahead > t, y_error.ahead, jnp.inf)
+            following = jnp.where(jumps, stop_gradient(jnp.minimum(t + self.first, ahead)), following)
             short = jumps & (result == diffrax.RESULTS.dt_min_reached)
             result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
         if control.plan is not None or self.jumps is not None:

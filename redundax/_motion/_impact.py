@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float
 from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._gaps import model_of_all
-from .._equations._kinematics import prescribed_rate
+from .._equations._kinematics import prescribed_rate, slip_motion
 from .._equations._scaling import Scaling, largest_violation, scaling
 from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, contradicted, of_rows, size_along
 from .._solve._play import at_sides
@@ -33,6 +33,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import are_known, cond, entries_set, scan, stop_gradient, take, tolerance_of, xp
+from ._linear import least_friction
 from ._moving import NONE, Equations, Touch
 from ._rubbing import AtInstant, Instant, at_instant
 from ._stick import Mode
@@ -157,19 +158,20 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     work = prescribed_rate(system.opened(xp.ones_like(end.kept)), state.q, state.t) @ impulses
     sound = xp.ones((), bool) if equations.has_sense else _is_sound(end, (jacobian, end.factor.gamma, scales))
     rests = (end.active.contacts == code_of(Contact.touches)) & ~take(end.kept, rows) & end.active.decided
-    mode, idle = end.solution.mode, xp.zeros(len(equations.sensed), bool)
+    mode, idle, qd = end.solution.mode, xp.zeros(len(equations.sensed), bool), now.qd
     if mode is not None:
         idle = _idle(equations, state, end.kept)
         mode = mode._replace(sense=xp.where(idle, 1.0, mode.sense))
+        qd = _halted(equations, replace_fields(state, qd=qd), end, mode)
     return After(
-        replace_fields(state, qd=now.qd),
+        replace_fields(state, qd=qd),
         end.factor,
         Touch(end.kept, stop_gradient(rests), stop_gradient(end.factor.spectrum.rank), idle, xp.zeros_like(gap)),
         mode,
         end.active.settled & end.found & sound & (well | ~strikes),
         ~(strikes & rubs),
         take(impulses, rows),
-        (state.qd @ model.mass @ state.qd - now.qd @ model.mass @ now.qd) / 2 + work,
+        (state.qd @ model.mass @ state.qd - qd @ model.mass @ qd) / 2 + work,
         work,
         strikes,
         xp.where(strikes, contraction, 0.0),
@@ -204,6 +206,16 @@ def _struck(
     impulses = xp.where(strikes.kept, multipliers, 0.0)
     contraction = xp.maximum(strikes.solution.contraction, holds.solution.contraction)
     return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs, contraction
+
+
+def _halted(equations: Equations, state: State, end: _Turn, mode: Mode) -> Float[Array, " n"]:
+    """Velocities without what is left of slips of joints that stick, taken away by the least friction."""
+    rate, directions = slip_motion(equations.system.opened(end.kept), state)
+    ways, factor = stop_gradient((directions, end.factor))
+    unit = factor.respond(ways).acceleration
+    sticks = equations.whole(mode.sense == 0)
+    least = least_friction(ways.T @ unit, sticks, equations.slip_size)
+    return state.qd - unit @ (least @ xp.where(sticks, rate, 0.0))
 
 
 def _idle(equations: Equations, state: State, kept: Bool[Array, " m"]) -> Bool[Array, " p"]:

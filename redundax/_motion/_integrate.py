@@ -30,7 +30,7 @@ from .._system._system import AbstractSystem
 from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
-from .._tools._no_answer import cut_where, nan_where, spoiled_where
+from .._tools._no_answer import cut_where, is_differentiated, nan_where, spoiled_where
 from .._tools._numbers import (
     LARGE,
     are_numbers,
@@ -63,6 +63,8 @@ from ._trajectory import Impacts, Trajectory, TrajectoryStats
 # Part of a motion with contacts that a step takes at most: in flight nothing else bounds steps, and in each gaps are
 # looked at a few times.
 _LONGEST = 1 / 64
+# Part of the usual first step, where derivatives are taken of how surfaces slide: two steps later it is as long again.
+_TURNED = 2.0**-6
 
 
 class Course(AbstractModule):
@@ -107,8 +109,11 @@ def _integrate(
         equations = replace_fields(equations, scaling=scaling(system, model_of_all(system, state)))
     whole = stop_gradient(t1 - state.t)
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
-    if course.dt0 is None:  # as the shortest is a part of it
-        first = xp.where(whole > 0, xp.minimum(first, whole), first)
+    differentiated = xp.zeros((), bool)
+    if equations.directions is not None and course.rtol is not None:
+        differentiated = is_differentiated(state, equations, course)
+    if course.dt0 is None:  # as the shortest is a part of it, and nothing tells yet how surfaces turn
+        first = xp.where(whole > 0, xp.minimum(first, whole), first) * xp.where(differentiated, _TURNED, 1.0)
     longest = None if course.restitution is None else _LONGEST * (t1 - state.t)
     tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     jumps = None if course.jump_ts is None else told_apart(course.jump_ts)
@@ -124,6 +129,7 @@ def _integrate(
         ts,
         xp.where(whole > 0, whole, 1.0) / LOOKS,
         course.restitution,
+        differentiated,
     )
     before = _before(equations, state, held, ts)
     if course.restitution is None:
@@ -359,6 +365,7 @@ def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> Pha
         rests=xp.zeros_like(ts, bool),
         going=none == 0,
         released=sense != sense,
+        touches=none > 0,
         ended=as_numbers(diffrax.RESULTS.successful),
         begun=none,
         watch=at_start(zero),

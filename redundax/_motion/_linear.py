@@ -259,22 +259,22 @@ def least_friction(
     yields: Float[Array, "p p"], stick: Bool[Array, " p"], sizes: Float[Array, " p"]
 ) -> Float[Array, "p p"]:
     """From slip accelerations of joints that stick to the least friction that causes them."""
-    scale = jnp.where(stick, 1 / jnp.sqrt(yielding(yields, sizes)), 0.0)
-    matrix, one = scale[:, None] * yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
-    inverse = jnp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(jnp.finfo(one.dtype).eps)), hermitian=True)
+    scale = xp.where(stick, 1 / xp.sqrt(yielding(yields, sizes)), 0.0)
+    matrix, one = scale[:, None] * yields * scale, xp.eye(stick.size, dtype=scale.dtype)
+    inverse = xp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(xp.finfo(one.dtype).eps)), hermitian=True)
     weight = (scale / sizes) ** 2
-    weight = jnp.where(scale > 0, weight / jnp.max(weight, initial=jnp.finfo(one.dtype).tiny), 1.0)
+    weight = xp.where(scale > 0, weight / xp.max(weight, initial=xp.finfo(one.dtype).tiny), 1.0)
     idle = one - inverse @ matrix  # what slips do not see
-    least = inverse - jnp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
+    least = inverse - xp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
     return scale[:, None] * least * scale
 
 
 def yielding(yields: Float[Array, "p p"], sizes: Float[Array, " p"]) -> Float[Array, " p"]:
     """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-    own = jnp.diagonal(yields)
+    own = xp.diagonal(yields)
     size = own * sizes**2
-    blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
-    return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
+    blocked = size <= 10 * xp.finfo(own.dtype).eps * xp.max(size)
+    return xp.where(blocked, xp.inf, xp.where(blocked, 1.0, own))
 
 
 def _scaled(scale: Float[Array, " p"], yields: LinearMap, force: Float[Array, " p"]) -> Float[Array, " p"]:

@@ -73,12 +73,13 @@ NONE = 1e-9, 10
 class Context(NamedTuple):
     """What stays the same within a step: the held rank, the friction forces that a solve starts from, whether all is at
     rest, and where joints have several slips with one friction the unit directions in which their surfaces slide as it
-    begins."""
+    begins, and the slip rates then of surfaces that stop in it, 0 of others."""
 
     held: AnyHeld
     tau: Float[Array, " p"]
     rests: Bool[Array, ""]
     along: Float[Array, " p"] | None = None
+    stopping: Float[Array, " p"] | None = None
 
 
 class Touch(NamedTuple):
@@ -150,6 +151,11 @@ class Equations(AbstractModule):
         return sensed if self.touch is None else sensed & ~self.touch.idle
 
     @property
+    def directed(self) -> np.ndarray:
+        """Which slips have a direction with others, shape (p,)."""
+        return np.zeros(len(self.sensed), bool) if self.directions is None else self.directions.directed
+
+    @property
     def sticking(self) -> Bool[Array, " p"]:
         """Which joints stick."""
         still = self.sense == 0
@@ -203,8 +209,17 @@ class Equations(AbstractModule):
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
         own = linear if felt is None else linear._replace(rate=felt)
+        if context.stopping is not None:
+            own = own._replace(rate=self._stopping(own.rate, context.stopping))
         solved = self.solved(state, own, context.tau, context.along, felt is not None)
         return self.change(state, y, linear.rate, solved), solved.slip, linear.rate
+
+    def _stopping(self, rate: Float[Array, " p"], begin: Float[Array, " p"]) -> Float[Array, " p"]:
+        """Slip rates for friction, of which directions, where surfaces stop, change as at the begin of the step: what
+        they change by from there on ends with the stop, but explicit steps would multiply it."""
+        directions, (fixed, before) = cast(Directions, self.directions), stop_gradient((rate, begin))
+        ahead, first = (directions.along(x, directions.unit(directions.arms * before)) for x in (fixed, before))
+        return jnp.where(first > 0, fixed + ahead / jnp.where(first > 0, first, 1.0) * (begin - before), rate)
 
     def change(self, state: State, y: Moving, rate: Float[Array, " p"], solved: Solved) -> Moving:
         """y', of the equations solved."""

@@ -42,7 +42,7 @@ _MOST = 1024
 
 class Options(NamedTuple):
     """Arguments of diffrax, the most steps and phases, the tolerance of a step, the times asked for, how far looks at
-    joints are at most, and the restitution of one-sided contacts."""
+    joints are at most, the restitution of one-sided contacts, and if derivatives are taken of how surfaces slide."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -55,6 +55,7 @@ class Options(NamedTuple):
     ts: Float[Array, " times"]
     apart: Array
     restitution: Float[Array, " c"] | None
+    differentiated: Bool[Array, ""]
 
 
 class ImpactLog(NamedTuple):
@@ -89,7 +90,8 @@ class PhaseState(NamedTuple):
     - `since`, `plan`: when the phase began, and the event at which it ends.
     - `path`, `senses`, `rests`: at the times asked for, as far as it got.
     - `going`: whether it goes on.
-    - `released`: which joints with several slips have just been let go.
+    - `released`, `touches`: which joints with several slips have just been let go; whether by loads that just reach
+      what held them.
     - `ended`: how the last steps ended.
     - `begun`: how many phases began, rests too; -1 before contacts have settled.
     - `watch`, `steps`, `rejected`, `phases`: the evidence.
@@ -107,6 +109,7 @@ class PhaseState(NamedTuple):
     rests: Bool[Array, " times"]
     going: Bool[Array, ""]
     released: Bool[Array, " p"]
+    touches: Bool[Array, ""]
     ended: diffrax.RESULTS
     begun: Int[Array, ""]
     watch: Diagnostics
@@ -134,11 +137,11 @@ def run(start: PhaseState, equations: Equations, options: Options) -> PhaseState
             any_lands = lands if are_numbers(lands) else batch_any(lands)
             done = cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
         else:
-            lands, done = np.False_, stretch(now, equations, options, now.begun >= max_phases)
+            done = stretch(now, equations, options, now.begun >= max_phases)
         if equations.directions is None:
             return done
         lets_go = batch_any(xp.any(done.released))
-        return cond(lets_go, lambda: _set_out(done, equations, options, ~lands), lambda: done)
+        return cond(lets_go, lambda: _set_out(done, equations, options), lambda: done)
 
     if are_known(start, equations, options):
         while start.goes_on(max_phases):
@@ -172,7 +175,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         y = chosen_of(mode.resting, now.y, y)
         touch = contacts.touch._replace(overlap=open_overlaps(equations, now.t, y))
         contacts, equations = contacts._replace(touch=touch), equations.with_touch(touch)
-    begin = Begin(mode, now.since, now.held, now.plan, lands, controller.end, options.apart)
+    begin = Begin(mode, now.since, now.held, now.plan, lands, controller.end, options.apart, options.differentiated)
     args = equations.with_sense(sense), context, begin
     walked = _steps(stepper, options, span, y, args, ts)
     t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control
@@ -202,6 +205,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         rests=jnp.where(here, rests, now.rests),
         going=carried.mode.decided & ((plan.time < jnp.inf) | short | carried.cut | lands) & (t < controller.end),
         released=carried.released,
+        touches=carried.touches,
         ended=walked.result,
         watch=_join(now.watch, carried.watch),
         steps=now.steps + walked.taken,
@@ -363,6 +367,7 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         held=held,
         since=now.t,
         released=released,
+        touches=now.touches & False,
         plan=plan,
         contacts=contacts,
         going=going,
@@ -371,11 +376,11 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
 
 
 @as_program
-def _set_out(done: PhaseState, equations: Equations, options: Options, touches: Array | np.bool_) -> PhaseState:
+def _set_out(done: PhaseState, equations: Equations, options: Options) -> PhaseState:
     """What the motion is after the first moments past a release, if there was one."""
     if done.contacts is not None:
         equations = equations.with_touch(done.contacts.touch)
-    release = _release(done, equations, jnp.asarray(touches))
+    release = _release(done, equations)
     end = options.controller.before_jump(options.controller.end, done.t)
     onward = set_out(release, end, options.ts, options.tolerance)
     onward = without_second_derivatives(jnp.any(done.released), onward)
@@ -395,7 +400,7 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
     )
 
 
-def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
+def _release(done: PhaseState, equations: Equations) -> Release:
     """The release, in the directions against what holds and is nearest to friction a little later."""
     held = jnp.where(done.released, 0.0, jax.lax.stop_gradient(done.mode.sense))
     state, directions = done.y.at(done.t), cast(Directions, equations.directions)
@@ -405,11 +410,11 @@ def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
     yields = cast(Linear, linear).yields
     lacks = least_friction(yields, before.sticking, before.slip_size)
     holds = tau - lacks @ (solved.slip + yields @ (tau - solved.tau))
-    let_go = jnp.where(touches, directions.against(holds), stop_gradient(done.mode.sense))
+    let_go = jnp.where(done.touches, directions.against(holds), stop_gradient(done.mode.sense))
     sense = jnp.where(done.released, let_go, held)
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
     onward, rates = equations.with_sense(sense), stop_gradient((linear.rate, solved.slip))
-    return Release(onward, done.t, done.y, context, done.released, touches, *rates)
+    return Release(onward, done.t, done.y, context, done.released, done.touches, *rates)
 
 
 def _join(one: Diagnostics, two: Diagnostics) -> Diagnostics:

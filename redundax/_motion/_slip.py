@@ -24,7 +24,6 @@ from typing import NamedTuple, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import slip_rate
@@ -181,7 +180,8 @@ def turns(equations: Equations, plan: Plan) -> Bool[Array, ""]:
 
 class Step(NamedTuple):
     """A step: its times, its end, and whether it is a rest, or ends at an event; `trial` are the senses of friction at
-    that, `along` the directions in which surfaces slide, and `apart` how far looks at joints are at most."""
+    that, `along` the directions in which surfaces slide, `apart` how far looks at joints are at most, and `may_stop`
+    which surfaces may stop in it."""
 
     start: Array
     end: Array
@@ -191,6 +191,7 @@ class Step(NamedTuple):
     trial: Float[Array, " p"]
     along: Float[Array, " p"] | None
     apart: Array
+    may_stop: Bool[Array, " p"]
 
 
 # Part of the step by which it ends later than the event found, so that no time asked for lies between.
@@ -232,7 +233,7 @@ def look(
     turn are looked at in between too.
     """
     width, waits = step.end - step.start, step.rests & ~step.lands
-    most, directed = _looks(equations, step, between), _directed(equations)
+    most, directed = _looks(equations, step, between), equations.directed
 
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
@@ -269,7 +270,7 @@ def look(
         plan = _turned(equations, plan, found, after, held)
         plan = _timed(equations, step, now._replace(plan=plan), found, t)
         after_look = jnp.where(event & ~moves, _HALVE, jnp.where(~event & ~last, _LOOK, _DONE))
-        stop = jnp.where(turns(equations, plan) & _cuts(equations, step, high), _CUT, _DONE)
+        stop = jnp.where(turns(equations, plan) & _cuts(equations, step, plan), _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
         aim, first, told, ahead = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
         told = halves & told
@@ -309,7 +310,7 @@ def _looks(equations: Equations, step: Step, between: Callable[[Array], Moving])
         t = step.start + width * (k / most)
         y, _ = rechart(equations.system, between(t))
         against = _against(equations, slip_rate(equations.system, y.at(t)), step.along) * equations.slip_size
-        return jnp.any((against > tolerance_of(NONE, against) * equations.speed) & ~_directed(equations))
+        return jnp.any((against > tolerance_of(NONE, against) * equations.speed) & ~equations.directed)
 
     asked = ~(step.lands | step.rests | sticks)
     first = jax.lax.while_loop(lambda k: asked & (k < most) & ~slips_back(k), lambda k: k + 1, jnp.ones((), most.dtype))
@@ -317,16 +318,11 @@ def _looks(equations: Equations, step: Step, between: Callable[[Array], Moving])
     return jnp.where(step.lands, 1, jnp.where(step.rests, LOOKS, looks))
 
 
-def _directed(equations: Equations) -> np.ndarray:
-    """Which slips have a direction with others."""
-    directions = equations.directions
-    return np.zeros(len(equations.sensed), bool) if directions is None else directions.directed
-
-
-def _cuts(equations: Equations, step: Step, t: Array) -> Bool[Array, ""]:
-    """Whether a step may be cut at a time: near its end, or as it is short."""
+def _cuts(equations: Equations, step: Step, plan: Plan) -> Bool[Array, ""]:
+    """Whether a step may be cut at a stop: near its end, or as it is short."""
     width = step.end - step.start
-    return (t > step.start + (1 - 2 * PAST) * width) | (width * equations.speed < _SHORT * equations.scaling.size)
+    near = plan.time > step.start + (1 - 2 * PAST) * width
+    return (near | (width * equations.speed < _SHORT * equations.scaling.size)) & step.may_stop[plan.joint]
 
 
 def _beside(step: Step, t: Array) -> tuple[Array, Array]:
@@ -435,7 +431,8 @@ class Landing(NamedTuple):
       slide; and h'.
     - `shift`: how much later the event is.
     - `change`: y' there.
-    - `halt`: the impulse that leaves joints that stick no slip, by slip rates, where joints have several.
+    - `starts`: which joints with several slips start to slide there.
+    - `halt`: the impulse that leaves those and joints that stick no slip, by slip rates, where joints have several.
     """
 
     lands: Bool[Array, ""]
@@ -445,6 +442,7 @@ class Landing(NamedTuple):
     slope: Float[Array, ""]
     shift: Float[Array, ""]
     change: Moving
+    starts: Bool[Array, " p"]
     halt: Float[Array, "n p"] | None
 
 
@@ -457,12 +455,17 @@ def landing(
     along = jnp.where(step.trial == equations.sense, along, step.trial)
     free = jnp.any(plan.free)
     onward = chosen_of(plan.stops, seen.there, plan.onward)
-    weights, halt = jnp.zeros_like(along).at[plan.joint].set(1.0), None
+    weights, starts, halt = jnp.zeros_like(along).at[plan.joint].set(1.0), plan.free & False, None
     if seen.yields is not None:
-        sense, (unit, yields) = jnp.where(free, equations.sense, onward.sense), seen.yields
+        unit, yields = seen.yields
+        begins, sense = _begins(equations, seen, onward)
+        stops = plan.stops & (plan.joint >= 0)  # else the motion begins
+        starts = jnp.where(stops, begins, plan.free & equations.directed)
+        onward = onward._replace(sense=jnp.where(stops, sense, onward.sense))
+        still = jnp.where(free, equations.sticking, starts | equations.with_sense(onward.sense).sticking)
         inverse = jax.lax.cond(
             batch_any(step.lands),
-            lambda: least_friction(yields, equations.with_sense(sense).sticking, equations.slip_size),
+            lambda: least_friction(yields, still, equations.slip_size),
             lambda: jnp.zeros_like(yields),
         )
         halt, weights = unit @ inverse, _weights(equations, plan, along, free, inverse)
@@ -472,7 +475,17 @@ def landing(
     slope = jnp.where(good, slope, 1.0)
     root, width = jnp.where(good, -h / slope, 0.0), step.end - step.start
     shift = jnp.clip(root, -width, jnp.minimum(_APART * width, jnp.maximum(last - step.end, 0.0)))
-    return Landing(good, free, weights, along, slope, shift, change, halt), onward
+    return Landing(good, free, weights, along, slope, shift, change, starts, halt), onward
+
+
+def _begins(equations: Equations, seen: Seen, onward: Mode) -> tuple[Bool[Array, " p"], Float[Array, " p"]]:
+    """Which joints with several slips start to slide where one stops, and senses of all: theirs are those of their
+    accelerations, as what a stop leaves of their slips goes another way."""
+    directions, (_, yields) = cast(Directions, equations.directions), cast(tuple[Array, Array], seen.yields)
+    begins = equations.still(seen.rate) & equations.directed & directions.any(onward.sense != 0)
+    slip = seen.solved.slip + yields @ (onward.tau - seen.solved.tau)
+    ahead = directions.unit(directions.arms * slip)
+    return begins, jnp.where(begins & directions.any(ahead != 0), ahead, onward.sense)
 
 
 def _weights(equations: Equations, plan: Plan, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:

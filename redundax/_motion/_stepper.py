@@ -22,13 +22,14 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._equations._kinematics import velocity
+from .._equations._kinematics import slip_rate, velocity
 from .._system._state import State
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart
+from ._pace import Pace, no_pace, pace
 from ._project import CLOSED, project
 from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
@@ -79,7 +80,7 @@ def at_start(like: Float[Array, ""]) -> Diagnostics:
 
 class Begin(NamedTuple):
     """How steps begin: how it moves and since when, what is held, and the event that the first step ends at; whether it
-    is the last, the end of the motion, and how far looks at joints are at most."""
+    is the last, the end of the motion, how far looks at joints are at most, and whether derivatives are taken."""
 
     mode: Mode
     since: Array
@@ -88,12 +89,14 @@ class Begin(NamedTuple):
     lands: Array | np.bool_
     end: Array
     apart: Array
+    differentiated: Bool[Array, ""]
 
 
 class Carried(NamedTuple):
     """State: the solver's own; how it moves and since when, what is held, the directions in which surfaces slide; the
-    event that the next step ends at, which joints with several slips were let go, and whether the last step was cut at
-    an event; the watch, and pivots now and largest."""
+    event that the next step ends at, which joints with several slips were let go and if by loads that just reach what
+    held them, and whether the last step was cut at an event; how far steps go where derivatives are taken; the watch,
+    and pivots now and largest."""
 
     inner: PyTree
     mode: Mode
@@ -102,7 +105,9 @@ class Carried(NamedTuple):
     along: Float[Array, " p"] | None
     plan: Plan
     released: Bool[Array, " p"]
+    touches: Bool[Array, ""]
     cut: Bool[Array, ""]
+    pace: Pace
     watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
@@ -167,8 +172,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
         zero = jnp.zeros_like(kinetic)
         fixed = jax.lax.stop_gradient((watch, zero, zero))
-        none = begin.mode.sense != begin.mode.sense
-        return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
+        any_pace = no_pace(begin.mode.sense)  # until one is told no surfaces stop, if derivatives are taken
+        any_pace = any_pace._replace(slow=any_pace.slow & ~begin.differentiated)
+        none = begin.mode.sense != begin.mode.sense, zero > 0, zero > 0, any_pace
+        return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, *none, *fixed)
 
     def step(
         self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree, solver_state: Carried, made_jump: Flag
@@ -182,6 +189,9 @@ class Stepper(diffrax.AbstractWrappedSolver):
     ) -> tuple[Moving, Verdict, PyTree, Carried, diffrax.RESULTS]:
         equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
+        if context.along is not None:
+            begin = slip_rate(system, y0.at(t0))
+            context = context._replace(stopping=jnp.where(now.pace.stops <= t1, begin, 0.0))
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
@@ -198,7 +208,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         else:
             lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
-            step = Step(begun, t, there, context.rests, lands, trial, before.along, stop_gradient(args[2].apart))
+            apart, slow = stop_gradient(args[2].apart), before.pace.slow
+            step = Step(begun, t, there, context.rests, lands, trial, before.along, apart, slow)
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
             found, plan, well, cut = look(fixed, step, steps.evaluate, lambda *at: _seen(fixed, before, *at))
             event = step, plan, cut, found
@@ -231,9 +242,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
             end, at = chosen_of(cut, (plan.time, plan), (t1, at))
             step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
             again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
-            ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
+            on = chosen_of(args[2].differentiated, pace(fixed, t, found), no_pace(fixed.sense))
+            ahead, again = _ahead(step, plan, (before.pace.turns, jnp.minimum(ahead, on.ahead)), again, cut)
+            carried = carried._replace(pace=on, cut=cut)
             plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
-            carried = carried._replace(cut=cut)
         if hit is not None:
             first = (hit.time <= plan.time) & ~step.lands
             hit = hit._replace(time=jnp.where(first, hit.time, jnp.inf))
@@ -252,6 +264,17 @@ class Stepper(diffrax.AbstractWrappedSolver):
             stiff=carried.watch.stiff,
         )
         return y, told, dense, carried, result
+
+
+def _ahead(step: Step, plan: Plan, at: tuple[Array, Array], again: Array, cut: Array) -> tuple[Array, Array]:
+    """Until when the next step goes, and whether it is this one again, as it passes a stop or goes on for longer than
+    until when it follows how surfaces turn; `at` are that and the end of the next step where this is taken."""
+    turns, ahead = at
+    past, half = (1 + PAST) * plan.time - PAST * step.start, (step.start + plan.time) / 2
+    near = jnp.where(turns < jnp.minimum(plan.time, step.end), turns, half)
+    long = (step.end > turns) & (plan.time == jnp.inf) & ~cut & ~step.lands
+    ahead = jnp.where(again, jnp.where(step.may_stop[plan.joint], past, near), ahead)
+    return jnp.where(long, near, ahead), again | long
 
 
 class Sight(NamedTuple):
@@ -332,15 +355,14 @@ def _landed(
 
     new = partial(chosen_of, step.lands)
     mode = new(onward, chosen_of(context.rests, now.mode, after.mode))
-    released = step.lands & plan.free
-    released = released & (False if equations.directions is None else equations.directions.directed)
     y = y._replace(qd=jnp.where(mode.resting, 0.0, y.qd))
     carried = after._replace(
         mode=mode,
         since=new(t + shift, now.since),
         along=None if after.along is None else new(onward.sense, after.along),
         plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
-        released=released,
+        released=step.lands & end.starts,
+        touches=step.lands & end.free,
         watch=chosen_of(context.rests, now.watch, after.watch),
     )
     ends = ~mode.decided if equations.directions is None else step.lands

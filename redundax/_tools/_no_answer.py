@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, PyTree
 
-from ._numbers import are_numbers, custom_jvp, is_number, xp
+from ._numbers import are_known, are_numbers, custom_jvp, is_number, stop_gradient, xp
 
 T = TypeVar("T")
 
@@ -42,6 +42,22 @@ def without_derivative(lost: Bool[Array, "..."], x: Array) -> Array:
 @without_derivative.defjvp
 def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     return without_derivative(*primals), nan_derivative_where(primals[0], tangents[1])
+
+
+def is_differentiated(*trees: PyTree) -> Bool[Array, ""]:
+    """Whether derivatives by any of these numbers are being taken, which may ask for more than the value does."""
+    numbers = [x for x in jax.tree.leaves(trees) if eqx.is_inexact_array(x)]
+    return xp.zeros((), bool) if are_known(numbers) else stop_gradient(_differentiated(numbers) > 0)
+
+
+@jax.custom_jvp
+def _differentiated(numbers: list[Array]) -> Array:
+    return jnp.zeros(())
+
+
+@_differentiated.defjvp
+def _differentiated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    return jnp.ones(()), jnp.zeros(())
 
 
 def without_second_derivatives(lost: Bool[Array, "..."], tree: T) -> T:

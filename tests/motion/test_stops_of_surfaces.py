@@ -1,0 +1,106 @@
+"""Surfaces that may slide in several directions come to a stop and go on another way: motions and their derivatives.
+
+A sleeve on a horizontal shaft, of mass m and, at its surface, m_r = I / r^2 as it turns, slides straight where
+
+    m_i v_i' = h_i - L v_i / |v|,   h_i = s_i (L - c m_i)
+
+with s = v / |v|: it slows down at c to a stop, from which it goes at a rate of k along w, w_i = h_i / (L + k m_i).
+Where |h| > L nothing holds it there. By a small force f across a slide along the shaft, without other loads, it moves
+
+    y = f |v|^2 m^2 / (2 m_r L^2 (p + 2)),   p = m / m_r - 1
+"""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import redundax as rx
+
+rs = rx.spatial
+RADIUS, GRAVITY, MU = 0.05, 10.0, 0.2
+
+
+def sleeve(mass, turned, force):
+    """A sleeve that turns with a mass at its surface, with forces there around the shaft and along it."""
+    body = rs.Body("body", mass, inertia=(turned * RADIUS**2, 0.1, 0.1))
+    sizes = {"shaft_radius": RADIUS, "bearing_length": 0.2, "friction": rx.Coulomb(MU)}
+    joint = rs.Cylindrical("joint", body, rx.GROUND, point=(0, 0, 0), axis=(1, 0, 0), **sizes)
+    load = rs.AppliedForce("body", jnp.array([1.0, 0, 0]) * force[1], moment=jnp.array([RADIUS, 0, 0]) * force[0])
+    return rx.Mechanism([body], [joint], loads=[load], gravity=(0, 0, -GRAVITY))
+
+
+def at_start(mechanism, velocity):
+    """The state with a velocity of the surface."""
+    return rx.assemble(mechanism, rates={"joint.angle": velocity[0] / RADIUS, "joint.travel": velocity[1]})
+
+
+def test_a_sleeve_stops_and_goes_on_another_way():
+    masses, slows, stop = np.array([0.7, 3.5]), 7.0, 0.3
+    limit, way = MU * masses[1] * GRAVITY, np.array([0.8, -0.6])
+    force = way * (limit - slows * masses)
+    gains = brentq(lambda k: np.sum((force / (limit + k * masses)) ** 2) - 1, 0, 1e4)
+    onward = force / (limit + gains * masses)
+    assert np.hypot(*force) > limit
+    mechanism = sleeve(masses[1], masses[0], force)
+    run = rx.simulate(mechanism, at_start(mechanism, way * slows * stop), 0.5, ts=[0.15, stop, 0.4, 0.5])
+    past = np.maximum(run.t - stop, 0.0)
+    truth = np.outer(np.where(run.t < stop, slows * (stop - run.t), 0.0), way) + np.outer(gains * past, onward)
+    found = np.stack([RADIUS * run["joint.angle'"], run["joint.travel'"]], axis=1)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-8)
+    assert run.stats.phases == 2
+    assert run.stats.steps < 40
+
+
+@pytest.mark.parametrize(
+    ("turned", "mode"), [(2.0, "forward"), (0.4, "forward"), pytest.param(0.1, "reverse", marks=pytest.mark.slow)]
+)
+def test_a_force_across_a_slide_to_a_stop(turned, mode):
+    mass, speed = 2.0, 1.5
+    limit = MU * mass * GRAVITY
+    state = at_start(sleeve(mass, turned, jnp.zeros(2)), (0.0, speed))
+
+    def moved(force, **how):
+        mechanism = sleeve(mass, turned, jnp.array([1.0, 0]) * force)
+        return RADIUS * rx.simulate(mechanism, state, 1.0, ts=[1.0], **how)["joint.angle"][-1]
+
+    if mode == "forward":
+        slope = jax.jacfwd(lambda force: moved(force, adjoint=diffrax.ForwardMode()))(0.0)
+    else:
+        slope = jax.grad(moved)(0.0)
+    truth = speed**2 * mass**2 / (2 * turned * limit**2 * (mass / turned + 1))
+    np.testing.assert_allclose(slope, truth, rtol=1e-7)
+
+
+def test_a_stop_and_what_follows_by_the_load_that_turns_a_sleeve():
+    # Where the way of the slide changes with loads, by differences of the motion as it is.
+    masses, way = np.array([0.7, 3.5]), np.array([np.cos(-0.4), np.sin(-0.4)])
+    force, state = jnp.array([4.5, 10.5]), None
+    state = at_start(sleeve(masses[1], masses[0], force), 2.1 * way)
+
+    def moved(scale, **how):
+        mechanism = sleeve(masses[1], masses[0], force * jnp.array([1.0, 0]) * scale + force * jnp.array([0, 1.0]))
+        run = rx.simulate(mechanism, state, 0.5, ts=[0.5], **how)
+        return jnp.stack([run["joint.travel"][-1], RADIUS * run["joint.angle"][-1]])
+
+    slope = jax.jacfwd(lambda scale: moved(scale, adjoint=diffrax.ForwardMode()))(1.0)
+    off = 1e-4
+    difference = (moved(1 + off, rtol=1e-11) - moved(1 - off, rtol=1e-11)) / (2 * off)
+    np.testing.assert_allclose(slope, difference, rtol=1e-3)
+
+
+@pytest.mark.parametrize("before", [1e-8, 1e-5])
+def test_a_step_that_ends_shortly_before_a_stop(before):
+    mass, speed, turned = 2.0, 1.5, 0.4
+    limit = MU * mass * GRAVITY
+    state, stop = at_start(sleeve(mass, turned, jnp.zeros(2)), (0.0, speed)), speed * mass / limit
+
+    def moved(force):
+        mechanism = sleeve(mass, turned, jnp.array([1.0, 0]) * force)
+        how = {"adjoint": diffrax.ForwardMode(), "jump_ts": [stop - before]}
+        return RADIUS * rx.simulate(mechanism, state, 1.0, ts=[1.0], **how)["joint.angle"][-1]
+
+    truth = speed**2 * mass**2 / (2 * turned * limit**2 * (mass / turned + 1))
+    np.testing.assert_allclose(jax.jacfwd(moved)(0.0), truth, rtol=1e-7)
