@@ -21,6 +21,7 @@ import redundax as rx
 
 rs = rx.spatial
 RADIUS, GRAVITY, MU = 0.05, 10.0, 0.2
+SLIDES, SPEED = 2.0, 1.5
 
 
 def sleeve(mass, turned, force):
@@ -54,30 +55,33 @@ def test_a_sleeve_stops_and_goes_on_another_way():
     assert run.stats.steps < 40
 
 
+def slid_across(turned, force, **how):
+    """How far a sleeve that slides along its shaft to a stop has moved across it."""
+    state = at_start(sleeve(SLIDES, turned, jnp.zeros(2)), (0.0, SPEED))
+    mechanism = sleeve(SLIDES, turned, jnp.array([1.0, 0]) * force)
+    return RADIUS * rx.simulate(mechanism, state, 1.0, ts=[1.0], **how)["joint.angle"][-1]
+
+
+def by_a_force_across(turned):
+    """The derivative of that."""
+    return SPEED**2 / (2 * turned * (MU * GRAVITY) ** 2 * (SLIDES / turned + 1))
+
+
 @pytest.mark.parametrize(
     ("turned", "mode"), [(2.0, "forward"), (0.4, "forward"), pytest.param(0.1, "reverse", marks=pytest.mark.slow)]
 )
 def test_a_force_across_a_slide_to_a_stop(turned, mode):
-    mass, speed = 2.0, 1.5
-    limit = MU * mass * GRAVITY
-    state = at_start(sleeve(mass, turned, jnp.zeros(2)), (0.0, speed))
-
-    def moved(force, **how):
-        mechanism = sleeve(mass, turned, jnp.array([1.0, 0]) * force)
-        return RADIUS * rx.simulate(mechanism, state, 1.0, ts=[1.0], **how)["joint.angle"][-1]
-
     if mode == "forward":
-        slope = jax.jacfwd(lambda force: moved(force, adjoint=diffrax.ForwardMode()))(0.0)
+        slope = jax.jacfwd(lambda force: slid_across(turned, force, adjoint=diffrax.ForwardMode()))(0.0)
     else:
-        slope = jax.grad(moved)(0.0)
-    truth = speed**2 * mass**2 / (2 * turned * limit**2 * (mass / turned + 1))
-    np.testing.assert_allclose(slope, truth, rtol=1e-7)
+        slope = jax.grad(lambda force: slid_across(turned, force))(0.0)
+    np.testing.assert_allclose(slope, by_a_force_across(turned), rtol=1e-7)
 
 
 def test_a_stop_and_what_follows_by_the_load_that_turns_a_sleeve():
     # Where the way of the slide changes with loads, by differences of the motion as it is.
     masses, way = np.array([0.7, 3.5]), np.array([np.cos(-0.4), np.sin(-0.4)])
-    force, state = jnp.array([4.5, 10.5]), None
+    force = jnp.array([4.5, 10.5])
     state = at_start(sleeve(masses[1], masses[0], force), 2.1 * way)
 
     def moved(scale, **how):
@@ -93,14 +97,6 @@ def test_a_stop_and_what_follows_by_the_load_that_turns_a_sleeve():
 
 @pytest.mark.parametrize("before", [1e-8, 1e-5])
 def test_a_step_that_ends_shortly_before_a_stop(before):
-    mass, speed, turned = 2.0, 1.5, 0.4
-    limit = MU * mass * GRAVITY
-    state, stop = at_start(sleeve(mass, turned, jnp.zeros(2)), (0.0, speed)), speed * mass / limit
-
-    def moved(force):
-        mechanism = sleeve(mass, turned, jnp.array([1.0, 0]) * force)
-        how = {"adjoint": diffrax.ForwardMode(), "jump_ts": [stop - before]}
-        return RADIUS * rx.simulate(mechanism, state, 1.0, ts=[1.0], **how)["joint.angle"][-1]
-
-    truth = speed**2 * mass**2 / (2 * turned * limit**2 * (mass / turned + 1))
-    np.testing.assert_allclose(jax.jacfwd(moved)(0.0), truth, rtol=1e-7)
+    turned, how = 0.4, {"adjoint": diffrax.ForwardMode(), "jump_ts": [SPEED / (MU * GRAVITY) - before]}
+    slope = jax.jacfwd(lambda force: slid_across(turned, force, **how))(0.0)
+    np.testing.assert_allclose(slope, by_a_force_across(turned), rtol=1e-7)
