@@ -4,6 +4,7 @@ A call that is added fails here until it has a line, with the arguments that can
 """
 
 import inspect
+import os
 
 import diffrax
 import jax.numpy as jnp
@@ -200,6 +201,7 @@ OTHERS |= {rs.Gear, rs.KnifeEdge, rs.Universal, rs.Wheel, rs.body_loads, rs.join
 OTHERS |= {rs.AdditiveContact, rs.EndContacts, units.UnitCertificate, units.UnitVerdict}
 
 
+@pytest.mark.skipif(os.environ.get("REDUNDAX_CHECKS") == "on", reason="types of calls are refused before")
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: f"{call.__module__.split('.')[-1]}.{call.__name__}")
 def test_what_is_no_argument_is_refused_by_its_name(call):
     for argument in CALLS[call]:
