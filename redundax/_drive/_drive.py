@@ -133,8 +133,14 @@ def drive(
         def forces_of(one: AbstractClosure) -> np.ndarray:
             return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
 
+        smooth = path._replace(system=path.system.without_friction)
+        beside = contacts and (contacts[0].without_friction, contacts[1])
+
+        def without_friction(one: AbstractClosure) -> np.ndarray:
+            return -np.asarray(_solved(smooth, names, one, solver, False, beside).multipliers)[:, count:]
+
         sharing = [each.name for each in drives_of(path.system) if each.row >= count]
-        closure, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
+        closure, shared = closure.shared(forces_of, without_friction, sharing, np.asarray(path.t))
         said = *said, *shared
     run = _solved(path, names, closure, solver, throw, contacts)
     run = replace_fields(run, remarks=(*run.remarks, *said))

@@ -26,8 +26,9 @@ from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
 _STIFF = 1e-7
-_ROUNDS = 3  # of the programme where friction depends on the share: each leaves about mu of the error before
+_ROUNDS = 12  # of the programme where friction depends on the share: each leaves a mu of the error before, or less
 _KEPT = 1e-6  # of a limit: what the stiffness of joints leaves of it
+_STEP = 1e-3  # of a misfit, beside that which the largest force takes
 
 
 class LeastNorm(AbstractClosure):
@@ -124,33 +125,46 @@ class LeastPeak(AbstractModule):
         self.closure = closure
 
     def shared(
-        self, forces_of: Callable[[AbstractClosure], np.ndarray], names: Sequence[str], ts: np.ndarray
+        self,
+        forces_of: Callable[[AbstractClosure], np.ndarray],
+        without_friction: Callable[[AbstractClosure], np.ndarray],
+        names: Sequence[str],
+        ts: np.ndarray,
     ) -> tuple[AbstractClosure, tuple[str, ...]]:
         """The closure that brings it about, given what forces of drives one makes, and what is to be said."""
         _check_all("limits", self.limits, names)
         norm = LeastNorm(self.limits, self.closure)
         limits = np.array([float(self.limits[name]) for name in names])
         least = np.array([float(self.preload.get(name, 0.0)) for name in names])
-        slope = 1e-3 / limits  # of a misfit, beside 1 / rating that a whole limit takes
-        errors, peaks = np.zeros((len(ts), len(names))), ()
+        errors, peaks = np.zeros((len(ts), len(names))), np.zeros(0)
+
+        def by(forces_of: Callable[[AbstractClosure], np.ndarray], now: np.ndarray, ways: np.ndarray) -> np.ndarray:
+            step = _STEP * (np.nanmax(np.abs(now / limits), initial=0.0) or 1.0)
+            changes = [forces_of(_Misfits(norm, ts, errors + step * way)) - now for way in np.moveaxis(ways, 2, 0)]
+            return np.stack(changes, axis=2) / step if changes else np.zeros((*now.shape, 0))
+
+        unit = np.broadcast_to(np.diag(1 / limits), (len(ts), len(names), len(names)))
+        ways = unit @ _ways(by(without_friction, without_friction(_Misfits(norm, ts, errors)), unit) / limits[:, None])
+        moved = 0.0
         for _ in range(_ROUNDS):
             now = forces_of(_Misfits(norm, ts, errors))
-            by_error = np.stack(
-                [(forces_of(_Misfits(norm, ts, errors + step)) - now) / step.sum() for step in np.diag(slope)], axis=2
-            )
-            changes, peaks = zip(*map(lambda u, by: _programme(u, by, limits, least), now, by_error), strict=True)
-            errors = errors + np.array(changes)
-            if np.abs(np.array(changes)).max(initial=0.0) <= _KEPT / limits.max():
+            found = [_programme(*one, limits, least) for one in zip(now, by(forces_of, now, ways), strict=True)]
+            steps, peaks = np.array([step for step, _ in found]), np.array([peak for _, peak in found])
+            errors = errors + np.einsum("tdk,tk->td", ways, steps)
+            moved = np.abs(steps).max(initial=0.0) / (np.nanmax(peaks, initial=0.0) or 1.0)
+            if moved <= _KEPT:
                 break
-        over = np.flatnonzero(np.array(peaks) > 1 + _KEPT)
-        if not over.size:
-            return _Misfits(norm, ts, errors), ()
-        worst = int(np.argmax(peaks))
-        said = (
-            f"The limits of the drives cannot be kept at {over.size} of {len(ts)} times, first t = {ts[over[0]]:.6g}: "
-            f"at t = {ts[worst]:.6g} the least peak is {100 * peaks[worst]:.4g} % of them."
-        )
-        return _Misfits(norm, ts, errors), (said,)
+        said = []
+        if moved > _KEPT:
+            said.append(f"The share of the drives did not settle: its last step was {100 * moved:.2g} % of the peak.")
+        over = np.flatnonzero(peaks > 1 + _KEPT)
+        if over.size:
+            worst = int(np.nanargmax(peaks))
+            said.append(
+                f"The limits of the drives cannot be kept at {over.size} of {len(ts)} times, first t = "
+                f"{ts[over[0]]:.6g}: at t = {ts[worst]:.6g} the least peak is {100 * peaks[worst]:.4g} % of them."
+            )
+        return _Misfits(norm, ts, errors), tuple(said)
 
 
 class _Misfits(AbstractClosure):
@@ -173,25 +187,27 @@ class _Misfits(AbstractClosure):
         return self.errors[jnp.argmin(jnp.abs(self.ts - state.t))]
 
 
+def _ways(by: Float[np.ndarray, "times d d"]) -> Float[np.ndarray, "times d k"]:
+    """Misfits over the limits that change forces, given by how much without friction: a projector, up to joints."""
+    _, size, ways = np.linalg.svd(np.nan_to_num(by))
+    ways = np.where(size[:, :, None] > 0.5, ways, 0.0)
+    return np.swapaxes(ways, 1, 2)[:, :, : int((size > 0.5).sum(axis=1).max(initial=0))]
+
+
 def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, float]:
-    """The least change of misfits that makes the peak over the limits least, and that peak."""
+    """The change of misfits, along ways over the limits, that makes the peak over the limits least, and that peak."""
     from scipy.optimize import linprog
 
     none = np.zeros(by.shape[1])
     if not (np.all(np.isfinite(forces)) and np.all(np.isfinite(by))):
         return none, np.nan
     kept = least != 0
-    signs = np.sign(least[kept])
-    scale = np.abs(by).max() or 1.0
-    ones = np.ones((len(limits), 1))
-    rows = np.concatenate(
-        [
-            np.hstack([by / scale / limits[:, None], -ones]),
-            np.hstack([-by / scale / limits[:, None], -ones]),
-            np.hstack([-signs[:, None] * by[kept] / scale, np.zeros((kept.sum(), 1))]),
-        ]
-    )
-    right = np.concatenate([-forces / limits, forces / limits, signs * forces[kept] - np.abs(least[kept])])
+    signs = np.sign(least[kept])[:, None]
+    ones, zeros = np.ones((len(limits), 1)), np.zeros((int(kept.sum()), 1))
+    share = by / limits[:, None]
+    rows = np.vstack([np.hstack([share, -ones]), np.hstack([-share, -ones]), np.hstack([-signs * share[kept], zeros])])
+    now = forces / limits
+    right = np.concatenate([-now, now, signs[:, 0] * now[kept] - np.abs(least / limits)[kept]])
     cost = np.concatenate([none, [1.0]])
     found = linprog(cost, rows, right, bounds=[(None, None)] * len(none) + [(0, None)], method="highs")
     if found.status != 0:
@@ -199,9 +215,7 @@ def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np
             "Argument `preload` of `LeastPeak` must be one that the drives can keep up, but no share of theirs does. "
             "Preload drives that work against each other."
         )
-    change = found.x[:-1] / scale
-    basis = np.linalg.pinv(by, rcond=1e-9)  # of all misfits with these forces the least
-    return basis @ (by @ change), float(found.x[-1])
+    return found.x[:-1], float(found.x[-1])
 
 
 def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:

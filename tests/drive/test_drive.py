@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.optimize
 
 import redundax as rx
 
@@ -217,6 +218,40 @@ def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
     assert f"is {largest:.4g} % of them" in said and said in str(kept).replace("\n", " ")
     with pytest.raises(rx.RedundaxError, match="must name each drive"):
         rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm({"left.travel": 200.0}, rails))
+
+
+def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs():
+    """A lever on a rough pin, level at t = 0, lifted at both ends. Where both drives are at the same share of their
+    limits, p, u_right = p l_right and u_left = -p l_left, a balance of moments says p."""
+    arm, lever, carriage, across, rough, spin, gain = 0.5, (4.0, 0.3), 0.7, 60.0, 0.04, 0.8, 5.0
+    sides = {"left": -arm, "right": arm}
+    joints = [rx.Revolute("pin", "lever", "ground", (0, 0), (0, 0), pin_radius=rough, friction=rx.Coulomb(0.5))]
+    for name, x in sides.items():
+        joints.append(rx.Translational(name, name, "ground", (0.0, 0.0), (x, 0.0), (-1.0, 0.0)))  # travel is upwards
+        joints.append(rx.PinInSlot(f"{name} end", name, "lever", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0)))
+    bodies = [rx.Body("lever", *lever), *(rx.Body(name, carriage, 0.1) for name in sides)]
+    force = rx.AppliedForce("lever", (across, 0.0))
+    machine = rx.Mechanism(bodies, joints, loads=[force], gravity=(0.0, -9.81))
+    laws = {
+        f"{name}.travel": jax.tree_util.Partial(lambda x, t: x * jnp.tan(spin * t + gain * t**2 / 2), x)
+        for name, x in sides.items()
+    }
+    limits = {"left.travel": 20.0, "right.travel": 35.0}
+    ts, guess = np.array([0.0, 0.1]), {"left.x": -arm, "right.x": arm}
+    run = rx.drive(machine, laws, ts, guess, closure=rx.LeastPeak(limits))
+
+    def ends(p):
+        weight = carriage * np.array([9.81 - arm * gain, 9.81 + arm * gain])
+        return p * np.array([-limits["left.travel"], limits["right.travel"]]) - weight
+
+    def missing(p):
+        left, right = ends(p)
+        load = np.hypot(across, lever[0] * 9.81 - left - right)
+        return lever[1] * gain - arm * (right - left) + 0.5 * rough * load
+
+    p = scipy.optimize.root_scalar(missing, bracket=(0.0, 1.0), xtol=1e-14).root
+    np.testing.assert_allclose(run.forces[0], [-20.0 * p, 35.0 * p], rtol=1e-6)
+    assert not run.remarks
 
 
 @pytest.mark.parametrize("size", [np.inf, np.nan])
