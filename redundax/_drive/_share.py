@@ -206,8 +206,9 @@ def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np
     ones, zeros = np.ones((len(limits), 1)), np.zeros((int(kept.sum()), 1))
     share = by / limits[:, None]
     rows = np.vstack([np.hstack([share, -ones]), np.hstack([-share, -ones]), np.hstack([-signs * share[kept], zeros])])
-    now = forces / limits
-    right = np.concatenate([-now, now, signs[:, 0] * now[kept] - np.abs(least / limits)[kept]])
+    size = max(np.abs([forces, least] / limits).max(), np.finfo(float).tiny)  # the solver's tolerances are absolute
+    now, above = forces / limits / size, np.abs(least / limits / size)
+    right = np.concatenate([-now, now, signs[:, 0] * now[kept] - above[kept]])
     cost = np.concatenate([none, [1.0]])
     found = linprog(cost, rows, right, bounds=[(None, None)] * len(none) + [(0, None)], method="highs")
     if found.status != 0:
@@ -215,7 +216,7 @@ def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np
             "Argument `preload` of `LeastPeak` must be one that the drives can keep up, but no share of theirs does. "
             "Preload drives that work against each other."
         )
-    return found.x[:-1], float(found.x[-1])
+    return size * found.x[:-1], float(size * found.x[-1])
 
 
 def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:

@@ -238,7 +238,8 @@ def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs():
     }
     limits = {"left.travel": 20.0, "right.travel": 35.0}
     ts, guess = np.array([0.0, 0.1]), {"left.x": -arm, "right.x": arm}
-    run = rx.drive(machine, laws, ts, guess, closure=rx.LeastPeak(limits))
+    shares = [rx.LeastPeak({name: size * limit for name, limit in limits.items()}) for size in (1.0, 1e6)]
+    run, ample = (rx.drive(machine, laws, ts, guess, closure=share) for share in shares)
 
     def ends(p):
         weight = carriage * np.array([9.81 - arm * gain, 9.81 + arm * gain])
@@ -251,7 +252,8 @@ def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs():
 
     p = scipy.optimize.root_scalar(missing, bracket=(0.0, 1.0), xtol=1e-14).root
     np.testing.assert_allclose(run.forces[0], [-20.0 * p, 35.0 * p], rtol=1e-6)
-    assert not run.remarks
+    np.testing.assert_allclose(ample.forces, run.forces, rtol=1e-6)  # limits far above the forces are as any others
+    assert not run.remarks and not ample.remarks
 
 
 @pytest.mark.parametrize("size", [np.inf, np.nan])
