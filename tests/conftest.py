@@ -108,7 +108,7 @@ def programs_never_take_over() -> None:
     """Known numbers are computed however often they are asked for, so that no test depends on those before it."""
     from redundax._tools import _numbers
 
-    _numbers.OFTEN, _numbers.LONG = sys.maxsize, float("inf")
+    _numbers.OFTEN, _numbers.OFTEN_PUT, _numbers.LONG = sys.maxsize, sys.maxsize, float("inf")
 
 
 @pytest.fixture(scope="module", autouse=True)

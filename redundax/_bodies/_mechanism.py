@@ -10,6 +10,7 @@ from typing import Self, cast
 
 import equinox as eqx
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -36,6 +37,7 @@ from .._tools._module import (
 )
 from .._tools._numbers import Numeric, asked_of_model
 from .._tools._table import are_known
+from .._tools._value import found_once
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
 from ._coordinate import ball_places, coordinate_places
@@ -231,10 +233,18 @@ class Mechanism(AbstractSystem):
     @property
     def friction(self) -> tuple[JointFriction, ...]:
         """Friction of the joints that have some, model by model."""
+        return self._known_friction if self.is_known else self._groups()
+
+    @found_once
+    def _known_friction(self) -> tuple[JointFriction, ...]:
+        with jax.core.eval_context():  # not traced where something else is
+            return self._groups()
+
+    def _groups(self) -> tuple[JointFriction, ...]:
         centres = self.frame.centres(self.body)
         return tuple(members.of(self.joints, self.frame, centres) for members in self._friction)
 
-    @property
+    @found_once
     def slips(self) -> Axis:
         """Names and kinds of the slips of all frictional joints."""
         return join([members.slips for members in self._friction])
@@ -247,7 +257,7 @@ class Mechanism(AbstractSystem):
     def diagonal_mass(self) -> bool:
         return self.frame.diagonal_mass and not self.armature
 
-    @property
+    @found_once
     def anonymous(self) -> Self:
         return replace_fields(
             self,
@@ -256,7 +266,7 @@ class Mechanism(AbstractSystem):
             _friction=tuple(replace_fields(f, slips=f.slips.anonymous) for f in self._friction),
         )
 
-    @property
+    @found_once
     def without_friction(self) -> Self:
         return replace_fields(self, _friction=())
 
@@ -395,7 +405,7 @@ class Mechanism(AbstractSystem):
     def kinetic_energy(self, q: Array, qd: Array, t: Array) -> Float[Array, ""]:
         return self._matrices.kinetic_energy(self, q, qd, t)
 
-    @property
+    @found_once
     def joint_coordinates(self) -> JointCoordinates:
         """What joints leave free, as angles of revolutes and travels of sliders, of body i relative to body j; all
         reactions."""

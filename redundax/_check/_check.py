@@ -17,9 +17,10 @@ from .._models._series import Series
 from .._solution_sets._band._band import band
 from .._solution_sets._bounds import AbstractBounds
 from .._system._state import State
+from .._tools._computing import computing
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_kind, floats
-from .._tools._numbers import as_arrays, computing
+from .._tools._numbers import as_arrays
 from ._judge import AXES, Judgement, Kinds, Loads, closed_loads, coefficients_of, judged, loads_along
 from ._log import Figure, Log, read_log, table_of
 from ._motion import Path, models, path_of, reactions

@@ -21,8 +21,9 @@ from .._equations._kinematics import slip_force
 from .._solve._solve import solve
 from .._system._friction import load_rows
 from .._system._state import State
+from .._tools._computing import computing
 from .._tools._errors import RedundaxError
-from .._tools._numbers import as_arrays, computing
+from .._tools._numbers import as_arrays
 from ._log import Figure
 from ._motion import Models, Path, Reactions
 from ._pushing import Held, pushed

@@ -20,8 +20,9 @@ from .._equations._dense_closing import closing_at
 from .._equations._kinematics import along_motion
 from .._system._names import index_of
 from .._system._state import State
+from .._tools._computing import computing
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._numbers import Numeric, computing, of_model
+from .._tools._numbers import Numeric, of_model
 from ._log import Log
 
 _TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing

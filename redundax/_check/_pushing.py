@@ -16,8 +16,8 @@ from .._equations._scaling import largest_violation
 from .._solve._contacts import as_held
 from .._system._contact import rows_that_hold
 from .._system._state import State
+from .._tools._computing import computing
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._numbers import computing
 from ._motion import Path, models
 
 _MET = 1e-6  # of the size of the mechanism: positions of a log have no more digits

@@ -21,6 +21,7 @@ from .._system._driven import Driven
 from .._system._names import DRIVE, ByName, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
+from .._tools._computing import computing
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, names_in, numpy_of, replace_fields
 from .._tools._numbers import (
@@ -29,7 +30,6 @@ from .._tools._numbers import (
     as_numbers,
     as_program,
     chosen_of,
-    computing,
     on_numbers,
     stop_gradient,
     tolerance_of,

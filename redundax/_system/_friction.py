@@ -31,15 +31,14 @@ from .._tools._module import (
     replace_fields,
 )
 from .._tools._numbers import Numeric, known, of_model, xp
-from .._tools._value import AbstractModule
+from .._tools._value import AbstractModel
 from ._axis import Axis, join
 from ._state import State
 
 
-class AbstractFriction(AbstractModule):
+class AbstractFriction(AbstractModel):
     """One group of friction forces of the same law."""
 
-    is_model = True
     rows: eqx.AbstractVar[Int[Array, "..."]]
     slips: eqx.AbstractVar[Axis]
 

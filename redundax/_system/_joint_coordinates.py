@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._tools._module import replace_fields
 from .._tools._numbers import of_model, on_numbers
-from .._tools._value import AbstractModule
+from .._tools._value import AbstractModel, AbstractModule
 from ._state import State
 
 
@@ -31,10 +31,8 @@ class JointMotion(AbstractModule):
     acceleration: Float[Array, "..."]
 
 
-class AbstractJointCoordinates(AbstractModule):
+class AbstractJointCoordinates(AbstractModel):
     """The coordinates and reactions of the joints of a system, in the order of the names of both."""
-
-    is_model = True
 
     @property
     @abc.abstractmethod

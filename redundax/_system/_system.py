@@ -42,7 +42,7 @@ from .._tools._module import (
 )
 from .._tools._numbers import asked_of_model
 from .._tools._table import are_known, page
-from .._tools._value import AbstractModule
+from .._tools._value import AbstractModel, found_once
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
@@ -62,14 +62,13 @@ class Path(NamedTuple):
     bend: PyTree
 
 
-class AbstractSystem(AbstractModule):
+class AbstractSystem(AbstractModel):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
-    is_model = True  # its numbers are read by programs alone
     _names: eqx.AbstractVar[Names]
     friction: eqx.AbstractVar[tuple[AbstractFriction, ...]]
 
-    @property
+    @found_once
     def names(self) -> Names:
         """Names and kinds of all, those of slips from the friction."""
         return self._names.with_slips(self.slips)
@@ -473,13 +472,13 @@ class System(AbstractSystem):
     def diagonal_mass(self) -> bool:
         return not callable(self._mass) and self._mass.ndim == 1
 
-    @property
+    @found_once
     def anonymous(self) -> Self:
         return replace_fields(
             self, _names=self._names.anonymous, friction=tuple(group.anonymous for group in self.friction)
         )
 
-    @property
+    @found_once
     def without_friction(self) -> Self:
         return replace_fields(self, friction=())
 

@@ -17,9 +17,10 @@ import collections
 import contextlib
 import functools
 import inspect
-import threading
+import itertools
+import operator
 import time
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable
 from functools import partial
 from types import ModuleType
 from typing import Any, Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
@@ -32,10 +33,11 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from jax.typing import DTypeLike
 from jaxtyping import Array, PyTree
-from threadpoolctl import ThreadpoolController
 
 from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
+from ._computing import computing, is_computing
 from ._interpreted import Interpreted, count
+from ._value import AbstractModel, flattened
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -44,35 +46,61 @@ Rule = TypeVar("Rule", bound=Callable[..., tuple])
 
 Numeric: TypeAlias = Any  # arrays of NumPy or of JAX: a type checker knows no type of both
 
-_SEQUENCE, _OF_JAX, _OTHER = range(3)
-_kinds: dict[type, int] = {}  # of types, as JAX's own check takes longer
+_SEQUENCE, _OF_JAX, _TRACED, _PLAIN, _OF_MODEL, _OTHER = range(6)
+
+
+class _Kinds(dict[type, int]):
+    """Kinds of types, as JAX's own checks take longer."""
+
+    def __missing__(self, own: type) -> int:
+        if issubclass(own, jax.core.Tracer):
+            kind = _TRACED
+        elif issubclass(own, jax.Array):
+            kind = _OF_JAX
+        elif issubclass(own, list | tuple):
+            kind = _SEQUENCE
+        elif issubclass(own, AbstractModel):
+            kind = _OF_MODEL
+        else:
+            kind = _PLAIN if issubclass(own, np.ndarray | np.generic | float | int | str | None) else _OTHER
+        return self.setdefault(own, kind)
+
+
+_kinds = _Kinds()
 
 
 def is_number(x: PyTree) -> bool:
     """Whether it is no array of JAX, nor a list or tuple of such."""
-    kind = _kinds.get(type(x))
-    if kind is None:
-        own = type(x)
-        of_jax = issubclass(own, jax.Array | jax.core.Tracer)
-        kind = _SEQUENCE if issubclass(own, list | tuple) else _OF_JAX if of_jax else _OTHER
-        _kinds[own] = kind
-    return all(map(is_number, x)) if kind == _SEQUENCE else kind == _OTHER
+    kind = _kinds[type(x)]
+    return all(map(is_number, x)) if kind == _SEQUENCE else kind >= _PLAIN
 
 
 def is_model(x: object) -> bool:
     """Whether it is a part of the model, whose numbers programs alone read."""
-    return getattr(x, "is_model", False)
+    return _kinds[type(x)] == _OF_MODEL
 
 
 def are_numbers(*trees: PyTree) -> bool:
     """Whether no leaf is an array of JAX, but for those of a model, of which none is traced."""
-    leaves = jax.tree.leaves(trees, is_leaf=is_model)
-    return all(are_known(x) if is_model(x) else is_number(x) for x in leaves)
+    return _hold(trees, _PLAIN)
 
 
 def are_known(*trees: PyTree) -> bool:
     """Whether no leaf is traced."""
-    return not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(trees))
+    return _hold(trees, _PLAIN, _OF_JAX)
+
+
+def _hold(trees: Iterable[PyTree], *kinds: int) -> bool:
+    """Whether all leaves are of these kinds, those of a model known."""
+    for x in trees:
+        kind = _kinds[type(x)]
+        if kind in kinds or (kind == _OF_MODEL and x.is_known) or (kind == _SEQUENCE and _hold(x, *kinds)):
+            continue
+        leaves = jax.tree.leaves(x, is_leaf=is_model) if kind == _OTHER else [x]
+        is_leaf = len(leaves) == 1 and leaves[0] is x
+        if kind != _OTHER or not (is_leaf or _hold(leaves, *kinds)):
+            return False
+    return True
 
 
 def tolerance_of(tolerance: tuple[float, float], like: Numeric) -> float:
@@ -177,8 +205,12 @@ class _Namespace:
         else:
 
             def found(*arguments: object, **named: object) -> PyTree:
-                known = all(map(is_number, arguments)) and (not named or all(map(is_number, named.values())))
-                return (one if known else two)(*arguments, **named)
+                for x in arguments:
+                    if _kinds[type(x)] < _PLAIN and not is_number(x):
+                        return two(*arguments, **named)
+                if named and not all(map(is_number, named.values())):
+                    return two(*arguments, **named)
+                return one(*arguments, **named)
 
         setattr(self, name, found)
         return found
@@ -265,6 +297,8 @@ def each(function: Callable[[Numeric], Numeric], samples: Numeric) -> Numeric:
 
 def stop_gradient(tree: T) -> T:
     """The same without derivatives; known numbers stay what they are."""
+    if are_known(tree):
+        return tree
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
 
 
@@ -313,7 +347,8 @@ class custom_jvp(Generic[P, T]):
     def_jvp = defjvp
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> T:
-        return (self.function if are_numbers(arguments, named) else self.traced)(*arguments, **named)
+        known = are_numbers(*arguments, *named.values())
+        return (self.function if known else self.traced)(*arguments, **named)
 
 
 # Entries ---------------------------------------------------------------------------------------------------
@@ -326,62 +361,30 @@ def known(x: Numeric) -> Numeric:
 
 def as_numbers(tree: T) -> T:
     """JAX's arrays as NumPy's, but for those of a model."""
+    if type(tree) is tuple:
+        return tuple(map(as_numbers, tree))  # pyright: ignore[reportReturnType]
+    if are_numbers(tree):
+        return tree
     return jax.tree.map(lambda x: known(x) if isinstance(x, jax.Array) else x, tree, is_leaf=is_model)
+
+
+# Calls with arrays of the same shapes after which a program puts them on the device, in a fifth of the time; compiling
+# it takes as long as some fifty of them.
+OFTEN_PUT = 50
+_put = collections.Counter[int]()
+_by_program = jax.jit(lambda *arrays: arrays)
 
 
 def as_arrays(tree: T) -> T:
     """NumPy's arrays as JAX's, at once, even where something else is traced."""
     leaves, structure = jax.tree.flatten(tree)
     places = [k for k, x in enumerate(leaves) if isinstance(x, np.ndarray | np.generic)]
+    given = [np.asarray(leaves[k]) for k in places]
+    _put[key := hash(tuple((x.dtype, x.shape) for x in given))] += 1
     with jax.core.eval_context():
-        for k, x in zip(places, jax.device_put([np.asarray(leaves[k]) for k in places]), strict=True):
+        for k, x in zip(places, _by_program(*given) if _put[key] > OFTEN_PUT else jax.device_put(given), strict=True):
             leaves[k] = x
     return jax.tree.unflatten(structure, leaves)
-
-
-@functools.cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController().select(user_api="blas")
-
-
-class _Inside:
-    """How many calls are computing, in all threads and in each."""
-
-    def __init__(self) -> None:
-        self.lock, self.own, self.all, self.limits = threading.Lock(), threading.local(), 0, None
-
-    def enter(self) -> None:
-        self.own.depth = getattr(self.own, "depth", 0) + 1
-        with self.lock:
-            self.all += 1
-            if self.all == 1:
-                self.limits = _blas().limit(limits=1)
-
-    def leave(self) -> None:
-        self.own.depth -= 1
-        with self.lock:
-            self.all -= 1
-            if self.all == 0 and self.limits is not None:
-                self.limits.restore_original_limits()
-
-
-_inside = _Inside()
-
-
-def is_computing() -> bool:
-    """Whether a call on known numbers is under way in this thread."""
-    return getattr(_inside.own, "depth", 0) > 0
-
-
-@contextlib.contextmanager
-def computing() -> Iterator[None]:
-    """NaN and infinity without a word, and small matrices on one thread: several take tens of times as long."""
-    _inside.enter()
-    try:
-        with np.errstate(all="ignore"):
-            yield
-    finally:
-        _inside.leave()
 
 
 # Calls of one structure after which a program takes over, which compiles for as long as a few hundred take.
@@ -405,16 +408,17 @@ def on_numbers(
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
-        given = arguments, named
-        if not are_known(given):
+        given = *arguments, *named.values()
+        numbers = are_numbers(*given)
+        if not (numbers or are_known(*given)):
             return inside(*arguments, **named)
         within = is_computing()
         if repeats:
-            calls[key := hash(_structure(given))] += 1
+            calls[key := hash((*named, *_flat(given)[1]))] += 1
             if calls[key] > OFTEN:
                 out = program(*arguments, **named)
                 return as_numbers(out) if within else out
-        if within and are_numbers(given):
+        if within and numbers:
             return function(*arguments, **named)
         with computing():
             out = function(*as_numbers(arguments), **as_numbers(named))
@@ -433,10 +437,10 @@ def computed(function: Callable[P, T]) -> Callable[P, T]:
     return on_numbers(function, jit=False)
 
 
-def _structure(tree: PyTree) -> tuple[Hashable, ...]:
-    """What a program is keyed by."""
-    leaves, structure = jax.tree.flatten(tree)
-    return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
+def _flat(arguments: tuple[PyTree, ...]) -> tuple[list[Numeric], tuple[Hashable, ...]]:
+    """Arrays of arguments, one after the other, and what a program is keyed by."""
+    parts = [x.flat if is_model(x) else flattened(x) for x in arguments]
+    return [x for arrays, _ in parts for x in arrays], tuple(key for _, key in parts)
 
 
 # Calls of one structure in which NumPy computes the model; compiling a program takes as long as some hundred of them.
@@ -460,15 +464,18 @@ LARGE, FORWARD, REVERSE = Kind(times=4.0, is_large=True), Kind(is_single=False),
 class _Traced:
     """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on."""
 
-    def __init__(self, function: Callable[..., PyTree], arguments: PyTree, kind: Kind):
+    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], kind: Kind):
         with in_little_time(True), of_equations(not kind.loops), of_one_sample(kind.is_single), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
         self.first, self.loops, self.repeats = None, kind.loops, kind == STEPS
+        of_jax = (isinstance(x, jax.Array) for x in jax.tree.leaves(arguments) if eqx.is_array(x))
+        self.held = sum(itertools.takewhile(bool, of_jax))  # arrays of the model, in front
+        self.last: tuple[list[Array], Callable[..., list[Numeric]] | None] = [], None
         self.spent = 0.0  # seconds of CPU in programs, of what repeats
         self.options = partial(quick_options, True, True) if kind.is_large else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed, self.options, times=kind.times)
+            self.first = Interpreted(self.closed, self.options, times=kind.times, held=self.held)
 
     @property
     def is_compiled(self) -> bool:
@@ -495,13 +502,22 @@ class _Traced:
         begun = time.process_time() if timed else 0.0
         if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
             with contextlib.suppress(Exception):
-                out = self.first([np.asarray(x) for x in given])
+                out = self._computed(self.first, given)
         if out is None:
             self.first = None
             out = [np.asarray(x) for x in self.program(*given)]
         if timed:
             self.spent += time.process_time() - begun
         return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
+
+    def _computed(self, first: Interpreted, given: list[Numeric]) -> list[np.ndarray]:
+        """By NumPy; what depends on the model alone once, as long as that is the same."""
+        model, others = given[: self.held], given[self.held :]
+        last, run = self.last
+        if run is None or not all(map(operator.is_, model, last)):
+            run = first.holding([np.asarray(x) for x in model])
+            self.last = model, run
+        return [np.array(x) for x in run(*[np.asarray(x) for x in others])]
 
 
 # Seconds of CPU that programs have run in all, by calls of one structure, when one with all optimisation takes over; of
@@ -525,17 +541,17 @@ def as_program(
 
     @functools.wraps(function)
     def run(*arguments: PyTree) -> T:
-        if not are_known(arguments):
+        if not are_known(*arguments):
             return first(*arguments)
-        if not are_numbers(arguments):
+        if not are_numbers(*arguments):
             with computing():
                 return as_arrays(run(*as_numbers(arguments)))
-        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
+        arrays, key = _flat(arguments)
         try:
             with jax.core.eval_context():
                 own = _kept(recent, key, lambda: _Traced(function, arguments, kind))
                 if kind != STEPS or not own.runs_long:
-                    return own([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
+                    return own(arrays)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))
         return as_numbers(fast(*arguments))
@@ -544,7 +560,8 @@ def as_program(
 
 
 def _kept(recent: collections.OrderedDict[Hashable, T], key: Hashable, make: Callable[[], T]) -> T:
-    """What was made last for keys."""
+    """What was made last for keys, and in the precision that JAX has now."""
+    key = jax.config.jax_enable_x64, key  # pyright: ignore[reportAttributeAccessIssue]
     if key not in recent:
         recent[key] = make()
         if len(recent) > _RECENT:
@@ -558,18 +575,18 @@ def of_model(function: Callable[P, T]) -> Callable[P, T]:
     recent: collections.OrderedDict[Hashable, _Traced] = collections.OrderedDict()
 
     def computed(*arguments: PyTree) -> T:
-        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
-        traced = _kept(recent, key, lambda: _Traced(function, arguments, _MODEL))
-        return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
+        arrays, key = _flat(arguments)
+        return _kept(recent, key, lambda: _Traced(function, arguments, _MODEL))(arrays)
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
-        if not are_known(arguments, named):
+        numbers = are_numbers(*arguments, *named.values())
+        if not (numbers or are_known(*arguments, *named.values())):
             return function(*arguments, **named)
         given = inspect.signature(function).bind(*arguments, **named).args if named else arguments
         try:
             with jax.core.eval_context():
-                if are_numbers(given):
+                if numbers:
                     return computed(*given)
                 with computing():
                     out = computed(*as_numbers(given))

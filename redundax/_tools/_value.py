@@ -28,6 +28,54 @@ class AbstractModule(eqx.Module):
         return eqx.tree_pformat(jax.tree.map(_shown, self))
 
 
+class found_once(property):
+    """A property of what does not change, found out when it is first asked for."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: PyTree, owner: type | None = None) -> PyTree:
+        if instance is None:
+            return self
+        found = vars(instance)
+        if self._name not in found:
+            found[self._name] = super().__get__(instance, owner)
+        return found[self._name]
+
+
+class AbstractModel(AbstractModule):
+    """A part of the model, whose numbers programs alone read; what depends on it alone is found out once."""
+
+    is_model = True
+
+    @found_once
+    def is_known(self) -> bool:
+        """Whether none of its numbers is traced."""
+        return not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(self))
+
+    @found_once
+    def flat(self) -> tuple[list[PyTree], Hashable]:
+        """Its arrays, and what programs of others like them are keyed by."""
+        return flattened(self)
+
+
+def flattened(tree: PyTree) -> tuple[list[PyTree], Hashable]:
+    """Arrays of a pytree, and all else that a program is keyed by."""
+    leaves, structure = jax.tree.flatten(tree, is_leaf=lambda x: isinstance(x, AbstractModel) and x is not tree)
+    arrays, key = [], [structure]
+    for x in leaves:
+        if isinstance(x, AbstractModel):
+            own, kind = x.flat
+            arrays += own
+            key.append(kind)
+        elif eqx.is_array(x):
+            arrays.append(x)
+            key.append((x.shape, x.dtype))
+        else:
+            key.append(x)
+    return arrays, tuple(key)
+
+
 def _shown(x: PyTree) -> PyTree:
     is_known = isinstance(x, np.ndarray | jax.Array) and not isinstance(x, jax.core.Tracer)
     return np.asarray(x).tolist() if is_known and x.ndim <= 2 and x.size <= 9 else x  # a matrix in space

@@ -9,7 +9,7 @@ import pytest
 from equinox.internal import while_loop
 
 import redundax as rx
-from redundax._tools import _interpreted, _numbers
+from redundax._tools import _computing, _interpreted, _numbers
 from redundax._tools._interpreted import Interpreted
 from redundax._tools._rule import NoRuleError
 from redundax._tools._rules import RULES
@@ -486,7 +486,7 @@ def test_what_has_no_rule_is_a_program(function, monkeypatch):
     x = np.array([0.5, 1.5, 2.5])
     with pytest.raises((NoRuleError, TypeError, ValueError)):
         of_numpy(function, x)
-    with _numbers.computing():
+    with _computing.computing():
         found = _numbers.of_model(function)(x)
     np.testing.assert_array_equal(found, function(x))
     assert isinstance(found, np.ndarray)
@@ -528,7 +528,7 @@ def test_large_arrays_are_let_go_once_nothing_takes_them():
 def test_a_program_takes_over_and_gives_the_same(few, monkeypatch):
     monkeypatch.setattr(_numbers, "FEW", few)
     run, x = _numbers.of_model(lambda x, word: {"sine": jnp.sin(x), word: None}), np.linspace(0, 1, 5)
-    with _numbers.computing():
+    with _computing.computing():
         for _ in range(4):
             found = run(x, "other")
             assert found["other"] is None

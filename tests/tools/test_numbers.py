@@ -14,7 +14,7 @@ import registry
 from threadpoolctl import ThreadpoolController
 
 import redundax as rx
-from redundax._tools import _numbers
+from redundax._tools import _computing, _numbers
 from redundax._tools._numbers import are_numbers, entries_set, is_number, xp
 
 BOX = rx.AmplitudeBox({"A.x": (-40.0, 40.0)})
@@ -224,7 +224,7 @@ def test_threads_of_linear_algebra_are_given_back():
     begun, both, ended = (threading.Event() for _ in range(3))
 
     def first():
-        with _numbers.computing():
+        with _computing.computing():
             begun.set()
             both.wait(10)
         ended.set()
@@ -235,12 +235,12 @@ def test_threads_of_linear_algebra_are_given_back():
     before, other = threads(), threading.Thread(target=first)
     other.start()
     begun.wait(10)
-    with _numbers.computing():  # begins second and ends last
+    with _computing.computing():  # begins second and ends last
         both.set()
         ended.wait(10)
-        assert _numbers.is_computing()
+        assert _computing.is_computing()
     other.join()
-    assert threads() == before and not _numbers.is_computing()
+    assert threads() == before and not _computing.is_computing()
 
 
 def test_friction_reads_rows_that_are_there():
@@ -308,3 +308,28 @@ def test_a_function_is_that_of_its_arguments():
     assert not is_number([known, (traced,)]) and are_numbers({"a": known, "b": 1.0})
     np.testing.assert_array_equal(entries_set(known, [0], 5.0), entries_set(traced, np.array([0]), 5.0))
     np.testing.assert_array_equal(known, np.arange(3.0))
+
+
+def test_systems_of_one_structure_asked_in_turn_keep_their_own_numbers():
+    """A point of mass 2 on a line has the acceleration F / 2, whichever F was asked for before."""
+    systems = {
+        force: rx.System(
+            lambda q, t, p: q[1:] - p["height"],
+            mass=jnp.full(2, 2.0),
+            load=lambda q, qd, t, p: jnp.array([p["force"], 0.0]),
+            parameters={"force": force, "height": 0.0},
+        )
+        for force in (1.0, 5.0)
+    }
+    state = rx.State(jnp.zeros(2), jnp.zeros(2))
+    for force in (1.0, 5.0, 1.0, 1.0, 5.0):
+        assert rx.solve(systems[force], state).acceleration[0] == force / 2
+
+
+@pytest.mark.parametrize("often", [0, 10])
+def test_arrays_are_put_on_the_device_alike_by_a_program(often, monkeypatch):
+    monkeypatch.setattr(_numbers, "OFTEN_PUT", often)
+    given = {"a": np.arange(3.0), "b": np.float64(2.0), "c": np.zeros((0, 2), np.int32), "d": np.array(True)}
+    for name, x in _numbers.as_arrays(given).items():
+        assert isinstance(x, jax.Array) and not x.committed and x.dtype == given[name].dtype
+        np.testing.assert_array_equal(x, given[name])
