@@ -18,10 +18,11 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._tools._errors import RedundaxError
 from .._tools._table import AbstractFigures, are_known, page
-from .._tools._value import AbstractModule
+from .._tools._value import value
 
 
-class Stats(AbstractFigures, AbstractModule):
+@value
+class Stats(AbstractFigures):
     """The evidence beside the numbers; it is there whatever the result.
 
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.

@@ -45,6 +45,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._chunks import alike, in_chunks, with_derivative_of
 from .._tools._compilation import compiled
+from .._tools._computing import computing, is_computing
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._no_answer import nan_where
@@ -52,9 +53,8 @@ from .._tools._numbers import (
     are_known,
     as_arrays,
     as_numbers,
-    computing,
     each,
-    is_computing,
+    is_number,
     on_numbers,
     stop_gradient,
     take,
@@ -65,7 +65,7 @@ from ._play import at_sides, two_sided, with_play_of_contacts
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
-_MINIMUM_NORM = MinimumNorm()
+_MINIMUM_NORM, _CONTINUATION, _NEWTON = MinimumNorm(), Continuation(), Newton()
 # Failures that a solver is to blame for; those of the state and the closure come before them.
 _OF_ITERATION = (RESULTS.diverged, RESULTS.no_contraction, RESULTS.max_steps_reached, RESULTS.no_solution_found)
 _OF_FRICTION = (RESULTS.friction_at_rest, RESULTS.ambiguous_rest, *_OF_ITERATION)
@@ -135,7 +135,7 @@ def solve(
     _check_state(system, state)
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
-        solver = Newton() if closure is None else Continuation()
+        solver = _NEWTON if closure is None else _CONTINUATION
     matrices = matrices_of(system)
     if closure is not None:
         solver = with_rtol(solver, matrices.rtol)
@@ -352,12 +352,12 @@ def _end(
     reduced = reduce(system, state, factor, closing, kept=kept, sense=sense)
     if reduced.problem is None:
         root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
-        given = xp.asarray(True)
     else:
         root, stress = _solve_friction(factor, reduced, reduced.problem, solver, x0, is_open=chosen is None)
-        contraction = reduced.problem.contraction(reduced.problem.loads(root.tau))
+        contraction = root.contraction
+        if contraction is None:
+            contraction = reduced.problem.contraction(reduced.problem.loads(root.tau))
         friction_checks = _checks(reduced, stress, root, solver)
-        given = xp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
     end = reduced.response.at(root.tau, stress)
     finite = xp.isfinite(reduced.end_size(root.tau, stress, end))
     checks = (
@@ -374,8 +374,16 @@ def _end(
     if reduced.undetermined is not None:
         end = end._replace(multipliers=nan_where(reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
+    given = True if is_number(good) and good else _is_given(reduced)
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
+
+
+def _is_given(reduced: Reduced) -> Array:
+    """Whether friction is given finite loads."""
+    if reduced.problem is None:
+        return xp.asarray(True)
+    return xp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
 
 
 @with_derivative_of(_end)

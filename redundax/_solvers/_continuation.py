@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float
 from .._system._results import RESULTS, chosen
 from .._tools._module import check_whole, optional_figure
 from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
+from .._tools._value import found_once
 from ._arclength import Path, follow
 from ._friction_problem import AbstractFrictionProblem, FrictionProblem
 from ._iterate import Progress, iterate, run_unless
@@ -75,7 +76,7 @@ class Continuation(AbstractSolver):
         root = quick_sweeps(problem, start, rtol, in_batch=in_batch)
         return run_unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
-    @property
+    @found_once
     def first(self) -> "FirstAttempt":
         """What the search begins with, alone."""
         return FirstAttempt(self.rtol, self.max_steps)
@@ -120,8 +121,9 @@ class FirstAttempt(AbstractSolver):
 
     def _run(self, problem: FrictionProblem, start: Array) -> Root:
         root = Newton(self.rtol, self.max_steps).run(problem, start)
-        kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
-        return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0).astype(start.dtype))
+        contraction = problem.contraction(problem.loads(root.tau))
+        kept = root.progress.converged(self.tolerance(start.dtype)) & (contraction < 1)
+        return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0).astype(start.dtype), contraction)
 
     def result(self, progress: Progress) -> RESULTS:
         return Continuation(self.rtol).result(progress)

@@ -37,11 +37,13 @@ class Root:
     - `progress`: how the iteration went.
     - `fold`: largest fraction of the friction at which the branch from zero friction still exists; infinite if it
       reaches the whole friction, or was not followed.
+    - `contraction`: bound of that of sweeps at `tau`, where the solver asks for it.
     """
 
     tau: Float[Numeric, "... p"]
     progress: Progress
     fold: Float[Numeric, "..."]
+    contraction: Float[Numeric, "..."] | None = None
 
 
 class AbstractSolver(AbstractModule):

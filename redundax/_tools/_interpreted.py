@@ -186,8 +186,9 @@ _Step = tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]
 
 def _take(steps: Sequence[_Step], values: list[Entries]) -> None:
     """Each step in turn, which puts what it makes among the values."""
+    value = values.__getitem__
     for function, taken, made, last in steps:
-        out = function(*[values[k] for k in taken])
+        out = function(*map(value, taken))
         if len(made) == 1:
             values[made[0]] = out
         else:
