@@ -310,15 +310,18 @@ def test_a_function_is_that_of_its_arguments():
     np.testing.assert_array_equal(known, np.arange(3.0))
 
 
+def _height(q, t, p):
+    return q[1:] - p["height"]
+
+
+def _pull(q, qd, t, p):
+    return jnp.array([p["force"], 0.0])
+
+
 def test_systems_of_one_structure_asked_in_turn_keep_their_own_numbers():
     """A point of mass 2 on a line has the acceleration F / 2, whichever F was asked for before."""
     systems = {
-        force: rx.System(
-            lambda q, t, p: q[1:] - p["height"],
-            mass=jnp.full(2, 2.0),
-            load=lambda q, qd, t, p: jnp.array([p["force"], 0.0]),
-            parameters={"force": force, "height": 0.0},
-        )
+        force: rx.System(_height, mass=jnp.full(2, 2.0), load=_pull, parameters={"force": force, "height": 0.0})
         for force in (1.0, 5.0)
     }
     state = rx.State(jnp.zeros(2), jnp.zeros(2))
