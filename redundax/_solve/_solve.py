@@ -159,11 +159,12 @@ def solve(
         solution = _solved_at_each(*given)
     else:
         known = are_known(given, factor) and matrices.on_numbers
+        own, at, rank, closure, solver, x0, sense = as_numbers(given) if known else given
         with computing():
-            solution, factor, chosen = _solved_on(*(as_numbers((*given, factor)) if known else (*given, factor)))
+            own, factor, chosen = _closed(own, at, rank, closure, as_numbers(factor) if known else factor)
+        solution = solve_factorised(own.anonymous, at, factor, chosen, solver, x0, sense)
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
-        solution = as_arrays(solution) if known and not is_computing() else solution
     return _told(solution, system, state, throw, factor)
 
 
@@ -295,27 +296,24 @@ def _solved(
 _solved_dense, _solved_sparse = on_numbers(_solved, repeats=True), compiled(_solved)
 
 
-def _solved_on(
+def _closed(
     system: AbstractSystem,
     state: State,
     rank: ArrayLike | None,
     closure: AbstractClosure | None,
-    solver: AbstractSolver,
-    x0: Array | None,
-    sense: Array | None,
     factor: AbstractSolvedFactorisation | None,
-) -> tuple[Solution, AbstractSolvedFactorisation, Elasticity | None]:
-    """The solution, and the factorisation, compliance and misfit that it rests on."""
+) -> tuple[AbstractSystem, AbstractSolvedFactorisation, Elasticity | None]:
+    """The system as it is solved, and the factorisation, compliance and misfit that a solution rests on."""
     if closure is None:
-        (system, factor), chosen = dense_at(system, state, rank, factor), None
-    else:
-        factor, chosen = factorisation_at(system, state, rank, factor), elasticity(closure, system, state)
-    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense), factor, chosen
+        return *dense_at(system, state, rank, factor), None
+    return system, factorisation_at(system, state, rank, factor), elasticity(closure, system, state)
 
 
-def _solved_at(*arguments: PyTree) -> Solution:
+def _solved_at(system: AbstractSystem, state: State, *others: PyTree) -> Solution:
     """The solution at a state that is not factorised yet."""
-    return _solved_on(*arguments, factor=None)[0]
+    *of, solver, x0, sense = others
+    own, factor, chosen = _closed(system, state, *of, factor=None)
+    return solve_factorised(own.anonymous, state, factor, chosen, solver, x0, sense)
 
 
 @with_derivative_of(_solved_at, failed=lambda solution: solution.result != RESULTS.successful)

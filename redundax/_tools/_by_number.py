@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from jaxtyping import Array, Float
 
-from ._numbers import Numeric, xp
+from ._numbers import Numeric, is_number, xp
 
 FEW = 6  # unknowns, at most
 _ENTRIES = 12  # of a vector, or along an axis, that are reduced, at most
@@ -25,8 +25,8 @@ def dot(a: Sequence[Numeric], b: Sequence[Numeric]) -> Numeric:
 
 
 def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Array], vector: Array) -> Array:
-    """The entries combined pair by pair, of many by `whole`."""
-    return functools.reduce(pair, vector) if 0 < vector.size <= _ENTRIES else whole(vector)
+    """The entries combined pair by pair, of many and of known numbers by `whole`."""
+    return functools.reduce(pair, vector) if 0 < vector.size <= _ENTRIES and not is_number(vector) else whole(vector)
 
 
 def sum_few(array: Array, axis: int = -1) -> Array:

@@ -37,7 +37,7 @@ from jaxtyping import Array, PyTree
 from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
 from ._computing import computing, is_computing
 from ._interpreted import Interpreted, count
-from ._value import AbstractModel, flattened
+from ._value import flattened, is_model
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class _Kinds(dict[type, int]):
             kind = _OF_JAX
         elif issubclass(own, list | tuple):
             kind = _SEQUENCE
-        elif issubclass(own, AbstractModel):
+        elif getattr(own, "is_model", False):
             kind = _OF_MODEL
         else:
             kind = _PLAIN if issubclass(own, np.ndarray | np.generic | float | int | str | None) else _OTHER
@@ -73,11 +73,6 @@ def is_number(x: PyTree) -> bool:
     """Whether it is no array of JAX, nor a list or tuple of such."""
     kind = _kinds[type(x)]
     return all(map(is_number, x)) if kind == _SEQUENCE else kind >= _PLAIN
-
-
-def is_model(x: object) -> bool:
-    """Whether it is a part of the model, whose numbers programs alone read."""
-    return _kinds[type(x)] == _OF_MODEL
 
 
 def are_numbers(*trees: PyTree) -> bool:
@@ -471,6 +466,7 @@ class _Traced:
         self.first, self.loops, self.repeats = None, kind.loops, kind == STEPS
         of_jax = (isinstance(x, jax.Array) for x in jax.tree.leaves(arguments) if eqx.is_array(x))
         self.held = sum(itertools.takewhile(bool, of_jax))  # arrays of the model, in front
+        self.is_mixed = bool(jax.tree.leaves(self.others))  # it gives more than arrays
         self.last: tuple[list[Array], Callable[..., list[Numeric]] | None] = [], None
         self.spent = 0.0  # seconds of CPU in programs, of what repeats
         self.options = partial(quick_options, True, True) if kind.is_large else quick_options  # asked for as it is kept
@@ -508,7 +504,8 @@ class _Traced:
             out = [np.asarray(x) for x in self.program(*given)]
         if timed:
             self.spent += time.process_time() - begun
-        return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
+        made = jax.tree.unflatten(self.structure, out)
+        return eqx.combine(made, self.others) if self.is_mixed else made
 
     def _computed(self, first: Interpreted, given: list[Numeric]) -> list[np.ndarray]:
         """By NumPy; what depends on the model alone once, as long as that is the same."""

@@ -5,7 +5,7 @@ An attribute of an Equinox module takes a microsecond, a method ten, which numbe
 
 import dataclasses
 from collections.abc import Hashable, Iterable
-from typing import TYPE_CHECKING, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, ClassVar, TypeVar, dataclass_transform
 
 import equinox as eqx
 import jax
@@ -46,7 +46,7 @@ class found_once(property):
 class AbstractModel(AbstractModule):
     """A part of the model, whose numbers programs alone read; what depends on it alone is found out once."""
 
-    is_model = True
+    is_model: ClassVar[bool] = True
 
     @found_once
     def is_known(self) -> bool:
@@ -59,12 +59,17 @@ class AbstractModel(AbstractModule):
         return flattened(self)
 
 
+def is_model(x: object) -> bool:
+    """Whether it is such a part; to ask for its class takes longer."""
+    return getattr(type(x), "is_model", False)
+
+
 def flattened(tree: PyTree) -> tuple[list[PyTree], Hashable]:
     """Arrays of a pytree, and all else that a program is keyed by."""
-    leaves, structure = jax.tree.flatten(tree, is_leaf=lambda x: isinstance(x, AbstractModel) and x is not tree)
+    leaves, structure = jax.tree.flatten(tree, is_leaf=lambda x: is_model(x) and x is not tree)
     arrays, key = [], [structure]
     for x in leaves:
-        if isinstance(x, AbstractModel):
+        if is_model(x):
             own, kind = x.flat
             arrays += own
             key.append(kind)
