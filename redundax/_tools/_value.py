@@ -39,7 +39,7 @@ class found_once(property):
             return self
         found = vars(instance)
         if self._name not in found:
-            found[self._name] = super().__get__(instance, owner)
+            found[self._name] = property.__get__(self, instance, owner)
         return found[self._name]
 
 
