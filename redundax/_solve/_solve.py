@@ -159,9 +159,9 @@ def solve(
         solution = _solved_at_each(*given)
     else:
         known = are_known(given, factor) and matrices.on_numbers
-        own, at, rank, closure, solver, x0, sense = as_numbers(given) if known else given
+        own, at, rank, picked, solver, x0, sense = as_numbers(given) if known else given
         with computing():
-            own, factor, chosen = _closed(own, at, rank, closure, as_numbers(factor) if known else factor)
+            own, factor, chosen = _closed(own, at, rank, picked, as_numbers(factor) if known else factor)
         solution = solve_factorised(own.anonymous, at, factor, chosen, solver, x0, sense)
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)

@@ -48,6 +48,10 @@ class AbstractModel(AbstractModule):
 
     is_model: ClassVar[bool] = True
 
+    def __getstate__(self) -> dict[str, PyTree]:
+        """Copies have the fields alone, and find out the rest by themselves."""
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+
     @found_once
     def is_known(self) -> bool:
         """Whether none of its numbers is traced."""
