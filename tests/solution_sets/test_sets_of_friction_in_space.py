@@ -187,3 +187,47 @@ def test_whether_a_door_stays_open():
     assert (found.verdict, found.proved) == ("may stick", True)
     np.testing.assert_allclose(found.margin, truth, rtol=0, atol=2e-4)
     assert truth[0] - 1e-9 <= found.margin[0] and found.margin[1] <= truth[1] + 1e-9
+
+
+PLACES = np.array([[0.5, 0.1], [-0.1, 0.6], [-0.5, -0.2], [0.2, -0.4]])
+ROUGH, WEIGHT, PUSH = np.array([0.2, 0.5, 0.3, 0.4]), 80.0, np.array([12.0, -5.0, 7.0])
+
+
+def plate():
+    """A plate on four feet at the height of its centre, so that its friction loads none, pushed and turned."""
+    body = rs.Body("plate", WEIGHT / 10, (1.0, 1.0, 1.0))
+    feet = [
+        rs.PointOnPlane(
+            f"f{k}", body, rx.GROUND, point=(*place, 0), axis=(0, 0, 1), friction=rx.Coulomb(mu), one_sided=True
+        )
+        for k, (place, mu) in enumerate(zip(PLACES, ROUGH, strict=True))
+    ]
+    load = rs.AppliedForce(body, force=(*PUSH[:2], 0), moment=(0, 0, PUSH[2]))
+    return rx.Mechanism([body], feet, loads=[load], gravity=(0, 0, -10.0))
+
+
+def share_held(first):
+    """The largest part of its push that friction holds, as the least work of friction over slips of which the push does
+    1: w about the push, the rest free."""
+    at = np.array([[1, 1, 1], *PLACES[1:].T]), np.array([WEIGHT - first, *(-first * PLACES[0])])
+    limits = ROUGH * np.array([first, *np.linalg.solve(*at)])
+    begin, free = PUSH / (PUSH @ PUSH), np.linalg.svd(PUSH[None])[2][1:]
+
+    def work(change):
+        x, y, turn = begin + change @ free
+        return limits @ np.hypot(x - turn * PLACES[:, 1], y + turn * PLACES[:, 0])
+
+    how = {"xatol": 1e-12, "fatol": 1e-14, "maxiter": 4000, "maxfev": 4000}
+    return min(
+        minimize(work, start, method="Nelder-Mead", options=how).fun for start in ([0.0, 0.0], [0.1, 0.1], [-0.1, 0.1])
+    )
+
+
+def test_a_plate_on_four_rough_feet_as_the_least_work_of_friction_has_it():
+    mechanism = plate()
+    found = rx.sticking(mechanism, rx.assemble(mechanism), rx.PreloadBox({"f0.axial": (5.0, 20.0)}))
+    firsts = np.asarray(found.case)[:, 0]
+    np.testing.assert_allclose(found.margin, [share_held(first) - 1 for first in firsts], rtol=1e-8)
+    shares = [share_held(first) - 1 for first in np.linspace(5.0, 20.0, 7)]
+    assert found.margin[0] <= min(shares) + 1e-8 and found.margin[1] >= max(shares) - 1e-8
+    assert found.verdict == "must stick" and not found.proved

@@ -10,10 +10,15 @@ names the motion w that is held least: for any w with w^T g = 1
 Joints are in one part where S_j . S_k joins them. Parts are held one by one, lambda being the least of theirs, and one
 with a single freedom needs no programme. The programmes of many cases are one, block by block.
 
-Where the slips of a joint share one friction its limits are a ball in f = tau / arms. The programme has planes that
-touch it instead, more of them where its friction lies beyond, until that is no more than rounding (`_within_balls`);
-its lambda is an upper bound all along, and all of its friction, made smaller until it fits, is a lower one. One such
-joint alone needs no programme: the least friction that holds g is the least of all.
+Where the slips of a joint share one friction its limits are a ball in f = tau / arms, and the dual is a sum of norms,
+
+    lambda = min_w sum_j r_j |x_j| - c . S w,   x = arms S w,   w . g = 1,
+
+with the radius r of each ball, and the middle c and half the length r of each interval. `_within_balls` finds w and f
+together for all cases at once, by Newton's method on x sqrt(|x|^2 + eps^2)^-1 r + f = 0 as eps goes to 0 (Andersen,
+Christiansen, Conn and Overton 2000, SIAM Journal on Scientific Computing 22, 243): each w is an upper bound, and each f
+that holds, made smaller until it fits, a lower one. One such joint alone needs no programme: the least friction that
+holds g is the least of all.
 """
 
 from typing import NamedTuple
@@ -24,7 +29,12 @@ from .._at_rest import NONE, ReducedForce
 
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10
-_CUTS, _CUT = 200, 1e-10  # planes at most, and relative distance of both bounds of lambda that is none
+# Steps at most; the relative distance of both bounds of lambda that is none, and the one by what all friction can hold,
+# with eps as small, which is what rounding leaves.
+_STEPS, _CUT, _NOTHING = 60, 1e-10, 1e-12
+_SMALL = 1e-3  # lambda, by that, below which friction need not hold its drive to _CUT of it
+_FLAT = 1e-17  # curvature, relative to the largest, that is rounding
+_SHORTER, _WITHIN = (1.0, 0.5, 0.2, 0.05, 0.01), 0.95  # parts of a step that are tried, and of the way out of a ball
 
 
 class Part(NamedTuple):
@@ -100,8 +110,7 @@ def _of_part(part: Part, low: np.ndarray, high: np.ndarray) -> Capacity:
         most = bound = _radius(part, part.balls[0], high) / np.linalg.norm(least)
         tau = most[:, None] * part.arms * least
     elif part.balls:
-        rows = [_within_balls(part, low[k : k + 1], high[k : k + 1]) for k in range(len(low))]
-        most, tau, bound = (np.concatenate(row) for row in zip(*rows, strict=True))
+        most, tau, bound = _within_balls(part, low, high)
     else:
         blocks = [
             _solve_programme(part, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)
@@ -116,48 +125,89 @@ def _radius(part: Part, ball: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _within_balls(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """lambda, its friction and its bound of one case, by planes that touch the balls."""
-    from scipy.optimize import linprog
+    """lambda, its friction and its bound, of a part some of whose joints have balls; intervals are balls about c."""
+    joints = np.arange(len(part.arms))
+    for ball in part.balls:
+        joints[ball] = ball[0]
+    single = np.bincount(joints)[joints] == 1
+    each = (joints[:, None] == np.unique(joints)).astype(float)
+    middle = np.where(single, low + high, 0.0) / 2
+    radius = np.sqrt(((high - middle) / part.arms) ** 2 @ each)
+    size = np.where(radius.any(axis=1), radius.max(axis=1), 1.0)
+    columns, whole = part.arms[:, None] * part.slips, np.linalg.norm(part.load)
+    longest = np.linalg.norm(columns, 2)
+    reach = longest * size / whole
+    drive = part.load / whole, middle @ part.slips / (longest * size)[:, None]
+    most, force, bound = _least_norms(columns / longest, drive, radius / size[:, None], each)
+    most = np.where(most > _NOTHING, most, 0.0)
+    tau = np.where(most[:, None] > 0, middle + part.arms * force * size[:, None], 0.0)
+    return most * reach, tau, bound * reach * (1 + _TOLERANCE)
 
-    (s, p), planes, sides = low.shape, [], []
-    radii = [_radius(part, ball, high)[0] for ball in part.balls]
-    low, high = low[0].copy(), high[0].copy()
-    for ball, radius in zip(part.balls, radii, strict=True):
-        high[ball] = radius * part.arms[ball]
-        low[ball] = -high[ball]
-    size = np.where(np.maximum(-low, high) > 0, np.maximum(-low, high), 1.0)
-    reach = (np.linalg.norm(part.slips, axis=1) * size).max()
-    whole = np.linalg.norm(part.load)
-    columns = part.slips.T * size / reach
-    best, bound = (0.0, np.zeros(p)), np.inf
-    for _ in range(_CUTS):
-        found = linprog(
-            np.append(-1.0, np.zeros(p)),
-            A_ub=np.array(planes) if planes else None,
-            b_ub=np.array(sides) if planes else None,
-            A_eq=np.column_stack([part.load / whole, columns]),
-            b_eq=np.zeros(part.load.size),
-            bounds=[(0.0, None), *np.column_stack([low / size, high / size])],
-            options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
-        )
-        if found.status != 0:
-            return np.full(s, np.nan), np.full((s, p), np.nan), np.full(s, np.inf)
-        tau, over = found.x[1:] * size, 1.0
-        for ball, radius in zip(part.balls, radii, strict=True):
-            force = tau[ball] / part.arms[ball]
-            length = np.linalg.norm(force)
-            over = max(over, length / radius if radius > 0 else 1.0)
-            plane = np.zeros(p + 1)
-            plane[1 + ball] = force / (length or 1.0) / part.arms[ball] * size[ball]
-            planes.append(plane / (radius or 1.0))
-            sides.append(1.0 if radius > 0 else 0.0)
-        most = found.x[0] * reach / whole
-        bound = min(bound, most)
-        if most / over >= best[0]:
-            best = most / over, tau / over
-        if bound - best[0] <= _CUT * bound:
+
+def _least_norms(
+    columns: np.ndarray, drive: tuple[np.ndarray, np.ndarray], radius: np.ndarray, each: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """lambda and f, with S^T f + b + lambda u = 0, and the bound, of cases whose numbers are about 1.
+
+    Shapes: the columns S (p, d), the drive u (d,) and b (s, d), radii (s, j), and `each` (p, j), whose slips are whose.
+    """
+    (unit, given), (s, p), same = drive, (len(radius), len(columns)), each @ each.T > 0
+    across, radii = np.linalg.svd(unit[None])[2][1:].T, radius @ each.T
+    columns = columns * (radii > 0)[:, :, None]
+    w, f, eps = np.tile(unit, (s, 1)), np.zeros((s, p)), np.ones(s)
+    most, force, bound = np.zeros(s), np.zeros((s, p)), np.full(s, np.inf)
+
+    def lengths(x: np.ndarray) -> np.ndarray:
+        return np.sqrt(x**2 @ each)
+
+    def total(w: np.ndarray, eps: np.ndarray) -> np.ndarray:
+        return (radius * np.hypot(lengths(_times(columns, w)), eps[:, None])).sum(axis=1) - (given * w).sum(axis=1)
+
+    for _ in range(_STEPS):
+        x, bound = _times(columns, w), np.minimum(bound, total(w, 0.0 * eps))
+        norms = np.hypot(lengths(x), eps[:, None]) @ each.T
+        turned = f[:, :, None] * x[:, None] + x[:, :, None] * f[:, None]
+        bend = radii[:, :, None] * np.eye(p) + np.where(same, turned / (2 * norms[:, :, None]), 0.0)
+        bend = bend / norms[:, :, None]
+        rise = across.T @ columns.transpose(0, 2, 1) @ bend @ columns @ across
+        sizes, ways = np.linalg.eigh(rise)
+        sizes = np.maximum(sizes, np.maximum(_FLAT * sizes[:, -1:], np.finfo(float).tiny))
+        slope = (_back(columns, radii * x / norms) - given) @ across
+        change = -_times(ways, _back(ways, slope) / sizes) @ across.T
+        moved = -f - radii * x / norms - _times(bend, _times(columns, change))
+        over = (lengths(f + moved) / np.where(radius > 0, radius, 1.0)).max(axis=1, initial=1.0)
+        tried = (f + moved) / over[:, None]
+        left = _back(columns, tried) + given
+        held = -left @ unit
+        holds = np.linalg.norm(left + held[:, None] * unit, axis=1) <= _CUT * np.maximum(held, _SMALL)
+        better = holds & (held > most)
+        most, force = np.where(better, held, most), np.where(better[:, None], tried, force)
+        if np.all(bound - most <= _CUT * bound + _NOTHING):
             break
-    return np.array([best[0]]), best[1][None], np.array([bound * (1 + _TOLERANCE)])
+        part, now, step = _inside(f, moved, radius, each), total(w, eps), np.zeros(s)
+        for shorter in _SHORTER:
+            falls = total(w + shorter * change, eps) <= now * (1 + 1e-14)
+            step = np.where((step == 0) & falls, shorter, step)
+        f, w = f + part[:, None] * moved, w + step[:, None] * change
+        eps = np.maximum(eps * np.where((step == 1) & (part > 0.7), 0.1, np.where(step >= 0.2, 0.5, 1.0)), _NOTHING)
+    return most, force, bound
+
+
+def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return (matrices @ vectors[:, :, None])[:, :, 0]
+
+
+def _back(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """The same of transposed ones."""
+    return (vectors[:, None] @ matrices)[:, 0]
+
+
+def _inside(f: np.ndarray, moved: np.ndarray, radius: np.ndarray, each: np.ndarray) -> np.ndarray:
+    """The part of a change of f that keeps it within all balls."""
+    a, b, c = moved**2 @ each, (f * moved) @ each, f**2 @ each - radius**2
+    moves = (radius > 0) & (a > 0)
+    root = (-b + np.sqrt(np.maximum(b**2 - a * c, 0.0))) / np.where(moves, a, 1.0)
+    return np.minimum(1.0, _WITHIN * np.where(moves, root, np.inf).min(axis=1))
 
 
 def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
