@@ -15,6 +15,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import is_concrete
+from .._tools._numbers import stop_gradient
 from ._factorisation import Factorisation, factorised
 from ._gaps import overlaps
 from ._kinematics import along_motion, explicit_gamma, slip_motion
@@ -44,6 +45,7 @@ def thrown(
     if traced:
         return out.result.error_if(out, jnp.all(jnp.stack([out.result != one for one in good])))
     if not is_one_of(out.result, *good):
+        out, system, state, factor, end = stop_gradient((out, system, state, factor, end))  # known, but differentiated
         told = culprits(system, state, factor, out.result)
         if end is not None and end > state.t:
             told = f" The motion got to t = {end:.6g}: with `throw=False` it is given up to there, and NaN beyond."

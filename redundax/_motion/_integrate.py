@@ -47,7 +47,7 @@ from .._tools._value import AbstractModule
 from ._controller import Controller, told_apart
 from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart
-from ._phases import Contacts, ImpactLog, Options, PhaseState, run, stretch
+from ._phases import Contacts, ImpactLog, Options, PhaseState, from_rest, run, stretch
 from ._project import project
 from ._radau_solver import Radau
 from ._slip import LOOKS, no_plan
@@ -135,7 +135,9 @@ def _integrate(
     if course.restitution is None:
         result, mode = _start(equations, state, factor, before, options)
         y = before.y._replace(qd=xp.where(mode.resting, 0.0, state.qd))
-        before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=before.going & mode.decided)
+        released = from_rest(*stop_gradient((equations, y.at(before.t), mode.sense)))
+        going = before.going & mode.decided
+        before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=going, released=released)
     else:
         before, result = _with_contacts(before, equations, state, rank, course.max_phases)
     result = chosen(ordered, result, RESULTS.times_out_of_order)

@@ -114,6 +114,10 @@ class Solved(NamedTuple):
     contraction: Float[Array, ""]
     size: Float[Array, " p"]
 
+    def slip_by(self, tau: Float[Array, " p"], yields: Float[Array, "p p"]) -> Float[Array, " p"]:
+        """Rates of the slip rates with other friction forces, given those by unit friction."""
+        return self.slip + yields @ (tau - self.tau)
+
 
 class Equations(AbstractModule):
     """The equations of motion of a system.
@@ -341,6 +345,11 @@ class Equations(AbstractModule):
     def is_none(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by no more than rounding."""
         return self.whole(xp.abs(rate) * self.slip_size <= tolerance_of(NONE, rate) * self.speed)
+
+    def sets_out(self, slow: Bool[Array, " p"], sense: Float[Array, " p"]) -> Bool[Array, " p"]:
+        """Which slips of joints with several begin from rest, of those that are slow, in the senses of what follows."""
+        slides = sense != 0 if self.directions is None else self.directions.any(sense != 0)
+        return slow & slides & self.directed & self.may_stick
 
     def sense_of(
         self, rate: Float[Array, " p"], acceleration: Float[Array, " p"]

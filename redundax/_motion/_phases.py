@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._equations._kinematics import slip_motion
 from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
+from .._system._state import State
 from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._no_answer import without_second_derivatives
@@ -130,18 +131,16 @@ def run(start: PhaseState, equations: Equations, options: Options) -> PhaseState
     max_phases = options.max_phases
 
     def phase(now: PhaseState) -> PhaseState:
-        if now.contacts is not None:
-            lands = now.contacts.hit.time < xp.inf
-            ends = lands | (now.begun >= max_phases)
-            done = cond(now.begun < 0, lambda: now, lambda: stretch(now, equations, options, ends))
-            any_lands = lands if are_numbers(lands) else batch_any(lands)
-            done = cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
-        else:
-            done = stretch(now, equations, options, now.begun >= max_phases)
-        if equations.directions is None:
-            return done
-        lets_go = batch_any(xp.any(done.released))
-        return cond(lets_go, lambda: _set_out(done, equations, options), lambda: done)
+        if equations.directions is not None:
+            lets_go = batch_any(xp.any(now.released))
+            now = cond(lets_go, lambda: _set_out(now, equations, options), lambda: now)
+        if now.contacts is None:
+            return stretch(now, equations, options, now.begun >= max_phases)
+        lands = now.contacts.hit.time < xp.inf
+        ends = lands | (now.begun >= max_phases)
+        done = cond(now.begun < 0, lambda: now, lambda: stretch(now, equations, options, ends))
+        any_lands = lands if are_numbers(lands) else batch_any(lands)
+        return cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
 
     if are_known(start, equations, options):
         while start.goes_on(max_phases):
@@ -331,7 +330,9 @@ def _goes_round(done: PhaseState, after: After, equations: Equations, times: tup
 def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[Array, ""]) -> PhaseState:
     """The motion from an instant on at which contacts have settled."""
     contacts, factor = cast(Contacts, now.contacts), after.factor
-    system, touch = equations.system.opened(after.touch.kept), stop_gradient(after.touch)
+    touch = stop_gradient(after.touch)
+    equations = equations.with_touch(touch)
+    system = equations.system
     held = held_by(
         system, after.state, factor.scaling, factor.split.stress, None, singular=cast(Held, now.held).singular
     )
@@ -357,22 +358,25 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         impacts=noted,
     )
     mode, going = now.mode if after.mode is None else after.mode, now.going & after.found & after.known
-    released = now.released
-    if equations.directions is not None:  # which slip from there on, and did not
-        at_rest = equations.is_none(slip_motion(system, after.state)[0]) & ~touch.idle
-        released = at_rest & equations.directions.directed & equations.directions.any(mode.sense != 0)
     return now._replace(
         y=y,
         mode=mode,
         held=held,
         since=now.t,
-        released=released,
+        released=from_rest(equations, after.state, mode.sense),
         touches=now.touches & False,
         plan=plan,
         contacts=contacts,
         going=going,
         watch=now.watch._replace(contraction=xp.maximum(now.watch.contraction, after.contraction)),
     )
+
+
+def from_rest(equations: Equations, state: State, sense: Float[Array, " p"]) -> Bool[Array, " p"]:
+    """Which joints with several slips begin to slide from rest, in the senses of what follows."""
+    if equations.directions is None:
+        return sense != sense
+    return equations.sets_out(equations.is_none(slip_motion(equations.system, state)[0]), sense)
 
 
 @as_program
@@ -409,7 +413,7 @@ def _release(done: PhaseState, equations: Equations) -> Release:
     solved, tau = before.solved(state, linear, done.mode.tau, held), stop_gradient(done.mode.tau)
     yields = cast(Linear, linear).yields
     lacks = least_friction(yields, before.sticking, before.slip_size)
-    holds = tau - lacks @ (solved.slip + yields @ (tau - solved.tau))
+    holds = tau - lacks @ solved.slip_by(tau, yields)
     let_go = jnp.where(done.touches, directions.against(holds), stop_gradient(done.mode.sense))
     sense = jnp.where(done.released, let_go, held)
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)

@@ -381,7 +381,7 @@ def _lacking(
         lambda: least_friction(yields, equations.sticking, equations.slip_size),
         lambda: jnp.zeros_like(yields),
     )
-    return lacks, found.solved.slip + yields @ (tau - found.solved.tau)
+    return lacks, found.solved.slip_by(tau, yields)
 
 
 def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]) -> _Looking:
@@ -482,9 +482,8 @@ def _begins(equations: Equations, seen: Seen, onward: Mode) -> tuple[Bool[Array,
     """Which joints with several slips start to slide where one stops, and senses of all: theirs are those of their
     accelerations, as what a stop leaves of their slips goes another way."""
     directions, (_, yields) = cast(Directions, equations.directions), cast(tuple[Array, Array], seen.yields)
-    begins = equations.still(seen.rate) & equations.directed & directions.any(onward.sense != 0)
-    slip = seen.solved.slip + yields @ (onward.tau - seen.solved.tau)
-    ahead = directions.unit(directions.arms * slip)
+    begins = equations.sets_out(equations.still(seen.rate), onward.sense)
+    ahead = directions.unit(directions.arms * seen.solved.slip_by(onward.tau, yields))
     return begins, jnp.where(begins & directions.any(ahead != 0), ahead, onward.sense)
 
 

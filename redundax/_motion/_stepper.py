@@ -190,8 +190,9 @@ class Stepper(diffrax.AbstractWrappedSolver):
         equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if context.along is not None:
-            begin = slip_rate(system, y0.at(t0))
-            context = context._replace(stopping=jnp.where(now.pace.stops <= t1, begin, 0.0))
+            begin = partial(slip_rate, system, y0.at(t0))
+            stopping = jax.lax.cond(args[2].differentiated, begin, lambda: jnp.zeros_like(now.pace.stops))
+            context = context._replace(stopping=jnp.where(now.pace.stops <= t1, stopping, 0.0))
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
@@ -242,7 +243,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             end, at = chosen_of(cut, (plan.time, plan), (t1, at))
             step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
             again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
-            on = chosen_of(args[2].differentiated, pace(fixed, t, found), no_pace(fixed.sense))
+            on = jax.lax.cond(args[2].differentiated, lambda: pace(fixed, t, found), lambda: no_pace(fixed.sense))
             ahead, again = _ahead(step, plan, (before.pace.turns, jnp.minimum(ahead, on.ahead)), again, cut)
             carried = carried._replace(pace=on, cut=cut)
             plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))

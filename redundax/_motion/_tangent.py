@@ -155,7 +155,7 @@ class Tangent(diffrax.AbstractWrappedSolver):
             return None
         factor = cast(HeldFactorisation, factorize_held(equations.system, y0.at(t0), context.held))
         rank, scale = len(factor.rows) - context.held.basis.shape[1], equations.scaling.coordinates
-        return stop_gradient(scale[:, None] * jnp.linalg.svd(factor.rows * scale)[2][rank:].T)
+        return stop_gradient(scale[:, None] * jnp.linalg.svd(stop_gradient(factor.rows * scale))[2][rank:].T)
 
     def step(
         self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Flag

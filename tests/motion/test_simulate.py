@@ -194,6 +194,15 @@ def test_where_a_motion_ends_early_the_rest_is_nan():
         rx.simulate(system, state, T1, ts=TIMES, max_steps=12)
 
 
+def test_a_derivative_of_a_motion_that_ends_early_says_so():
+    def end(length):
+        run = rx.simulate(*pendulum(length, 1.3), T1, ts=TIMES, max_steps=12, adjoint=diffrax.ForwardMode())
+        return run.q[-1, 0]
+
+    with pytest.raises(rx.NoSolutionError, match=r"max_steps.* got to t = \d"):
+        jax.jvp(end, (0.7,), (1.0,))
+
+
 def two_rods(q):
     """Accelerations of a double pendulum of uniform rods, 1 m and 1 kg each, by Lagrange's equations."""
     (a, b), (da, db), g = q[:2], q[2:], 9.81

@@ -125,6 +125,24 @@ def test_derivatives_of_a_stiff_motion():
     np.testing.assert_allclose(slope, (ahead - behind) / (0.02 * DAMPING), rtol=1e-4)
 
 
+@slow
+def test_derivatives_by_a_start_with_an_implicit_solver_of_diffrax():
+    """A pendulum beside its upper position falls away as the start does: phi'' = 3/2 g sin(phi)."""
+    pivot = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
+    pendulum = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pivot], gravity=(0.0, -9.81))
+
+    def end(phi):
+        state = rx.State(jnp.stack([-jnp.sin(phi) / 2, jnp.cos(phi) / 2, phi + jnp.pi / 2]), jnp.zeros(3))
+        how = {"solver": diffrax.Kvaerno5(), "adjoint": diffrax.ForwardMode()}
+        return rx.simulate(pendulum, state, 0.5, ts=[0.5], **how).q[-1, 2]
+
+    def falls(t, y):
+        return [y[1], 1.5 * 9.81 * np.sin(y[0]), y[3], 1.5 * 9.81 * np.cos(y[0]) * y[2]]
+
+    truth = solve_ivp(falls, (0, 0.5), [0.3, 0.0, 1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12).y[2, -1]
+    np.testing.assert_allclose(jax.jacfwd(end)(0.3), truth, rtol=1e-6)
+
+
 def test_where_the_implicit_solver_is_refused():
     mechanism, state = slider()
     with pytest.raises(rx.RedundaxError, match="Kvaerno5"):

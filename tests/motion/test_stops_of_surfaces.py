@@ -4,8 +4,8 @@ A sleeve on a horizontal shaft, of mass m and, at its surface, m_r = I / r^2 as 
 
     m_i v_i' = h_i - L v_i / |v|,   h_i = s_i (L - c m_i)
 
-with s = v / |v|: it slows down at c to a stop, from which it goes at a rate of k along w, w_i = h_i / (L + k m_i).
-Where |h| > L nothing holds it there. By a small force f across a slide along the shaft, without other loads, it moves
+with s = v / |v|: it slows down at c to a stop. Where |h| > L nothing holds it there: it goes on, as from rest, at a rate
+of k along w, w_i = h_i / (L + k m_i). By a small force f across a slide along the shaft, without other loads, it moves
 
     y = f |v|^2 m^2 / (2 m_r L^2 (p + 2)),   p = m / m_r - 1
 """
@@ -53,6 +53,27 @@ def test_a_sleeve_stops_and_goes_on_another_way():
     np.testing.assert_allclose(found, truth, rtol=0, atol=1e-8)
     assert run.stats.phases == 2
     assert run.stats.steps < 40
+
+
+def test_a_sleeve_begins_under_loads_that_just_exceed_friction():
+    """The velocity, and its derivatives by the forces, which friction turns by much more than the loads leave."""
+    masses = np.array([0.7, 3.5])
+    limit = MU * masses[1] * GRAVITY
+    forces = 1.01 * limit * jnp.array([0.8, -0.6])
+
+    def moved(force):
+        mechanism = sleeve(masses[1], masses[0], force)
+        run = rx.simulate(mechanism, at_start(mechanism, (0.0, 0.0)), 0.5, ts=[0.5], adjoint=diffrax.ForwardMode())
+        return jnp.stack([RADIUS * run["joint.angle'"][-1], run["joint.travel'"][-1]])
+
+    def truth(force):
+        gain = brentq(lambda k: np.sum((force / (limit + k * masses)) ** 2) - 1, 0, 1e4, xtol=1e-14, rtol=1e-15)
+        return 0.5 * gain * force / (limit + gain * masses)
+
+    velocity, slopes = jax.jvp(moved, (forces,), (jnp.array([1.0, 0.0]),))
+    ahead, behind = (truth(forces + change * np.array([1.0, 0.0])) for change in (1e-5, -1e-5))
+    np.testing.assert_allclose(velocity, truth(forces), rtol=1e-9)
+    np.testing.assert_allclose(slopes, (ahead - behind) / 2e-5, rtol=1e-6)
 
 
 def slid_across(turned, force, **how):
