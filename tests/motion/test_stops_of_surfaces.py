@@ -4,8 +4,9 @@ A sleeve on a horizontal shaft, of mass m and, at its surface, m_r = I / r^2 as 
 
     m_i v_i' = h_i - L v_i / |v|,   h_i = s_i (L - c m_i)
 
-with s = v / |v|: it slows down at c to a stop. Where |h| > L nothing holds it there: it goes on, as from rest, at a rate
-of k along w, w_i = h_i / (L + k m_i). By a small force f across a slide along the shaft, without other loads, it moves
+with s = v / |v|: it slows down at c to a stop. Where |h| > L nothing holds it there: it goes on, as from rest, at a
+rate of k along w, w_i = h_i / (L + k m_i). By a small force f across a slide along the shaft, without other loads, it
+moves
 
     y = f |v|^2 m^2 / (2 m_r L^2 (p + 2)),   p = m / m_r - 1
 """
