@@ -56,7 +56,7 @@ def pace(equations: Equations, t: Array, found: Seen) -> Pace:
     left = jnp.where(slides & (gains < 0), -speed / jnp.where(gains < 0, gains, 1.0), jnp.inf)
     size = speed * directions.reach(equations.slip_size)
     slow = (left < jnp.inf) & (size <= _SLOW * equations.speed)
-    turning = _turning(equations, found)
+    turning = turned_by(equations, found.solved.tau, cast(tuple[Array, Array], found.yields)[1])
     turn = jnp.where(slides & (turning > 0), _TURN * speed / jnp.where(turning > 0, turning, 1.0), jnp.inf)
     turns = jnp.minimum(turn, _NEARER * left)
     seen = _BACK * tolerance_of(NONE, speed) * equations.speed / jnp.where(slow, size, 1.0)
@@ -66,10 +66,10 @@ def pace(equations: Equations, t: Array, found: Seen) -> Pace:
     )
 
 
-def _turning(equations: Equations, found: Seen) -> Float[Array, " p"]:
-    """Acceleration of surfaces by friction across them, as large as their own may be."""
-    directions, (_, yields) = cast(Directions, equations.directions), cast(tuple[Array, Array], found.yields)
+def turned_by(equations: Equations, tau: Float[Array, " p"], yields: Float[Array, "p p"]) -> Float[Array, " p"]:
+    """Acceleration of surfaces by friction across them, as large as their own may be; `yields` is that by unit ones."""
+    directions = cast(Directions, equations.directions)
     arms, same = directions.arms, jnp.asarray(directions.same)
-    force = jnp.sqrt(jnp.sum(jnp.where(same, (found.solved.tau / arms) ** 2, 0.0), axis=1))
+    force = jnp.sqrt(jnp.sum(jnp.where(same, (tau / arms) ** 2, 0.0), axis=1))
     rows = jnp.sum(jnp.where(same, jnp.abs(arms[:, None] * yields * arms), 0.0), axis=1)
     return force * jnp.max(jnp.where(same, rows, 0.0), axis=1)
