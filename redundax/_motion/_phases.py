@@ -30,7 +30,7 @@ from ._pace import turned_by
 from ._project import project
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
-from ._stepper import Begin, Diagnostics, Stepper
+from ._stepper import Begin, Diagnostics, Stepper, seen_between
 from ._stick import Mode
 from ._times import within
 from ._touch import Hit, arrived, no_hit, open_overlaps
@@ -392,10 +392,12 @@ def _set_out(done: PhaseState, equations: Equations, options: Options) -> PhaseS
     end = options.controller.before_jump(options.controller.end, done.t)
     onward = set_out(release, end, options.ts, options.tolerance)
     onward = without_second_derivatives(jnp.any(release.joints), onward)
-    here, contacts = (options.ts > done.t) & (options.ts <= onward.t), done.contacts
+    here, contacts = (options.ts >= done.t) & (options.ts <= onward.t), done.contacts
     if contacts is not None:
         contacts = contacts._replace(path=_noted(here, contacts))
+    watch = seen_between(equations, done.held, (done.t, done.y), (onward.t, onward.y))
     return done._replace(
+        watch=_join(done.watch, watch),
         t=onward.t,
         contacts=contacts,
         y=onward.y,

@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import slip_rate, velocity
 from .._system._state import State
+from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
 from ._controller import Verdict, size_of
@@ -168,9 +169,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
     def init(self, terms: PyTree, t0: Scalar, t1: Scalar, y0: PyTree, args: PyTree) -> Carried:
         equations, context, begin = args
         inner = self.solver.init(terms, t0, t1, y0, (equations, context))
-        kinetic = equations.kinetic_energy(t0, y0)
-        watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
-        zero = jnp.zeros_like(kinetic)
+        watch = _begun(equations, t0, y0)
+        zero = jnp.zeros_like(watch.kinetic)
         fixed = jax.lax.stop_gradient((watch, zero, zero))
         any_pace = no_pace(begin.mode.sense)  # until one is told no surfaces stop, if derivatives are taken
         any_pace = any_pace._replace(slow=any_pace.slow & ~begin.differentiated)
@@ -190,9 +190,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if context.along is not None:
-            begin = partial(slip_rate, system, y0.at(t0))
-            stopping = jax.lax.cond(args[2].differentiated, begin, lambda: jnp.zeros_like(now.pace.stops))
-            context = context._replace(stopping=jnp.where(now.pace.stops <= t1, stopping, 0.0))
+            stopping = _stopping(system, y0.at(t0), now.pace.stops <= t1, args[2].differentiated)
+            context = context._replace(stopping=stopping)
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
@@ -265,6 +264,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
             stiff=carried.watch.stiff,
         )
         return y, told, dense, carried, result
+
+
+def _stopping(
+    system: AbstractSystem, state: State, stops: Bool[Array, " p"], differentiated: Bool[Array, ""]
+) -> Float[Array, " p"]:
+    """Slip rates, at the begin of a step, of surfaces that stop in it, 0 of others; where derivatives are taken."""
+    begin = partial(slip_rate, system, state)
+    return jnp.where(stops, jax.lax.cond(differentiated, begin, lambda: jnp.zeros(stops.shape, state.qd.dtype)), 0.0)
 
 
 def _ahead(step: Step, plan: Plan, at: tuple[Array, Array], again: Array, cut: Array) -> tuple[Array, Array]:
@@ -419,6 +426,21 @@ def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, bef
             for own, group in zip(error.memory, system.friction, strict=True)
         ],
     )
+
+
+def _begun(equations: Equations, t: Scalar, y: Moving) -> Diagnostics:
+    """The watch from a state on."""
+    kinetic = equations.kinetic_energy(jnp.asarray(t), y)
+    return at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y.work)
+
+
+def seen_between(
+    equations: Equations, held: AnyHeld, begin: tuple[Array, Moving], end: tuple[Array, Moving]
+) -> Diagnostics:
+    """The watch over a stretch without steps, by its ends."""
+    equations, held, begin, (t, y) = stop_gradient((equations, held, begin, end))
+    factor = factorize_held(equations.system, y.at(t), held)
+    return _diagnostics_after(_begun(equations, *begin), equations, t, y, factor)[0]
 
 
 def _diagnostics_after(

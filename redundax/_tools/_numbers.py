@@ -376,8 +376,9 @@ def as_arrays(tree: T) -> T:
     places = [k for k, x in enumerate(leaves) if isinstance(x, np.ndarray | np.generic)]
     given = [np.asarray(leaves[k]) for k in places]
     _put[key := hash(tuple((x.dtype, x.shape) for x in given))] += 1
+    often = _put[key] > OFTEN_PUT and not (jax.config.jax_disable_jit or jax.config.jax_debug_nans)  # pyright: ignore[reportAttributeAccessIssue]
     with jax.core.eval_context():
-        for k, x in zip(places, _by_program(*given) if _put[key] > OFTEN_PUT else jax.device_put(given), strict=True):
+        for k, x in zip(places, _by_program(*given) if often else jax.device_put(given), strict=True):
             leaves[k] = x
     return jax.tree.unflatten(structure, leaves)
 
@@ -513,7 +514,8 @@ class _Traced:
         last, run = self.last
         if run is None or not all(map(operator.is_, model, last)):
             run = first.holding([np.asarray(x) for x in model])
-            self.last = model, run
+            if all(isinstance(x, jax.Array) for x in model):  # NumPy's may change
+                self.last = model, run
         return [np.array(x) for x in run(*[np.asarray(x) for x in others])]
 
 

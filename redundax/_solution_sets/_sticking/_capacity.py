@@ -30,11 +30,12 @@ from .._at_rest import NONE, ReducedForce
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10
 # Steps at most; the relative distance of both bounds of lambda that is none, and the one by what all friction can hold,
-# with eps as small, which is what rounding leaves.
-_STEPS, _CUT, _NOTHING = 60, 1e-10, 1e-12
-_SMALL = 1e-3  # lambda, by that, below which friction need not hold its drive to _CUT of it
+# with eps as small, which is what rounding leaves; and the distance from which on lambda is not known.
+_STEPS, _CUT, _NOTHING, _MEETS = 60, 1e-10, 1e-12, 1e-8
+_SMALL = 1e-4  # lambda, by that, below which friction need not hold its drive to _CUT of it
 _FLAT = 1e-17  # curvature, relative to the largest, that is rounding
-_SHORTER, _WITHIN = (1.0, 0.5, 0.2, 0.05, 0.01), 0.95  # parts of a step that are tried, and of the way out of a ball
+# Parts of a step that are tried, and of the way out of a ball; and a step, in sizes of w, at most.
+_SHORTER, _WITHIN, _LONGEST = (1.0, 0.5, 0.2, 0.05, 0.01), 0.95, 10.0
 
 
 class Part(NamedTuple):
@@ -134,12 +135,12 @@ def _within_balls(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.nda
     middle = np.where(single, low + high, 0.0) / 2
     radius = np.sqrt(((high - middle) / part.arms) ** 2 @ each)
     size = np.where(radius.any(axis=1), radius.max(axis=1), 1.0)
-    columns, whole = part.arms[:, None] * part.slips, np.linalg.norm(part.load)
-    longest = np.linalg.norm(columns, 2)
-    reach = longest * size / whole
-    drive = part.load / whole, middle @ part.slips / (longest * size)[:, None]
-    most, force, bound = _least_norms(columns / longest, drive, radius / size[:, None], each)
-    most = np.where(most > _NOTHING, most, 0.0)
+    columns, sizes, turns = np.linalg.svd(part.arms[:, None] * part.slips, full_matrices=False)
+    load = turns @ part.load / sizes  # by velocities of which each makes slips of size 1
+    whole = np.linalg.norm(load)
+    drive, reach = (load / whole, (middle / part.arms / size[:, None]) @ columns), size / whole
+    most, force, bound = _least_norms(columns, drive, radius / size[:, None], each)
+    most = np.where(most <= _NOTHING, 0.0, most)
     tau = np.where(most[:, None] > 0, middle + part.arms * force * size[:, None], 0.0)
     return most * reach, tau, bound * reach * (1 + _TOLERANCE)
 
@@ -147,50 +148,85 @@ def _within_balls(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.nda
 def _least_norms(
     columns: np.ndarray, drive: tuple[np.ndarray, np.ndarray], radius: np.ndarray, each: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """lambda and f, with S^T f + b + lambda u = 0, and the bound, of cases whose numbers are about 1.
+    """lambda, f with S^T f + b + lambda u = 0, and the bound, of cases whose numbers are about 1.
+
+    Where lambda and its bound do not meet it is NaN.
 
     Shapes: the columns S (p, d), the drive u (d,) and b (s, d), radii (s, j), and `each` (p, j), whose slips are whose.
     """
-    (unit, given), (s, p), same = drive, (len(radius), len(columns)), each @ each.T > 0
-    across, radii = np.linalg.svd(unit[None])[2][1:].T, radius @ each.T
-    columns = columns * (radii > 0)[:, :, None]
-    w, f, eps = np.tile(unit, (s, 1)), np.zeros((s, p)), np.ones(s)
-    most, force, bound = np.zeros(s), np.zeros((s, p)), np.full(s, np.inf)
-
-    def lengths(x: np.ndarray) -> np.ndarray:
-        return np.sqrt(x**2 @ each)
-
-    def total(w: np.ndarray, eps: np.ndarray) -> np.ndarray:
-        return (radius * np.hypot(lengths(_times(columns, w)), eps[:, None])).sum(axis=1) - (given * w).sum(axis=1)
-
+    (unit, given), s = drive, len(radius)
+    w, f, eps = np.tile(unit, (s, 1)), np.zeros((s, len(columns))), np.ones(s)
+    most, force, bound = np.zeros(s), np.zeros_like(f), np.full(s, np.inf)
     for _ in range(_STEPS):
-        x, bound = _times(columns, w), np.minimum(bound, total(w, 0.0 * eps))
-        norms = np.hypot(lengths(x), eps[:, None]) @ each.T
-        turned = f[:, :, None] * x[:, None] + x[:, :, None] * f[:, None]
-        bend = radii[:, :, None] * np.eye(p) + np.where(same, turned / (2 * norms[:, :, None]), 0.0)
-        bend = bend / norms[:, :, None]
-        rise = across.T @ columns.transpose(0, 2, 1) @ bend @ columns @ across
-        sizes, ways = np.linalg.eigh(rise)
-        sizes = np.maximum(sizes, np.maximum(_FLAT * sizes[:, -1:], np.finfo(float).tiny))
-        slope = (_back(columns, radii * x / norms) - given) @ across
-        change = -_times(ways, _back(ways, slope) / sizes) @ across.T
-        moved = -f - radii * x / norms - _times(bend, _times(columns, change))
-        over = (lengths(f + moved) / np.where(radius > 0, radius, 1.0)).max(axis=1, initial=1.0)
-        tried = (f + moved) / over[:, None]
-        left = _back(columns, tried) + given
-        held = -left @ unit
-        holds = np.linalg.norm(left + held[:, None] * unit, axis=1) <= _CUT * np.maximum(held, _SMALL)
-        better = holds & (held > most)
-        most, force = np.where(better, held, most), np.where(better[:, None], tried, force)
-        if np.all(bound - most <= _CUT * bound + _NOTHING):
+        k = np.flatnonzero(~(bound - most <= _CUT * bound + _NOTHING) | (bound == np.inf))
+        if not k.size:
             break
-        part, now, step = _inside(f, moved, radius, each), total(w, eps), np.zeros(s)
+        norms = _Norms(columns * (radius[k] @ each.T > 0)[:, :, None], unit, given[k], radius[k], each)
+        change, moved = norms.changes(w[k], f[k], eps[k])
+        held, holds = norms.held(f[k] + moved)
+        better = held > most[k]
+        most[k], force[k] = np.where(better, held, most[k]), np.where(better[:, None], holds, force[k])
+        part, now, step = norms.inside(f[k], moved), norms.total(w[k], eps[k]), np.zeros(k.size)
         for shorter in _SHORTER:
-            falls = total(w + shorter * change, eps) <= now * (1 + 1e-14)
+            falls = norms.total(w[k] + shorter * change, eps[k]) <= now * (1 + 1e-14)
             step = np.where((step == 0) & falls, shorter, step)
-        f, w = f + part[:, None] * moved, w + step[:, None] * change
-        eps = np.maximum(eps * np.where((step == 1) & (part > 0.7), 0.1, np.where(step >= 0.2, 0.5, 1.0)), _NOTHING)
-    return most, force, bound
+        f[k], w[k] = f[k] + part[:, None] * moved, w[k] + step[:, None] * change
+        w[k] += (1 - w[k] @ unit)[:, None] * unit
+        bound[k] = np.minimum(bound[k], norms.total(w[k], np.zeros(k.size)))
+        faster = np.where((step == 1) & (part > 0.7), 0.1, np.where(step >= 0.2, 0.5, 1.0))
+        eps[k] = np.maximum(eps[k] * faster, _NOTHING)
+    return np.where(np.abs(bound - most) <= _MEETS * bound + _NOTHING, most, np.nan), force, bound
+
+
+class _Norms(NamedTuple):
+    """The sum of norms of cases, by arguments of `_least_norms`; columns (s, p, d), 0 of balls without a radius."""
+
+    columns: np.ndarray
+    unit: np.ndarray
+    given: np.ndarray
+    radius: np.ndarray
+    each: np.ndarray
+
+    def lengths(self, x: np.ndarray) -> np.ndarray:
+        return np.sqrt(x**2 @ self.each)
+
+    def total(self, w: np.ndarray, eps: np.ndarray) -> np.ndarray:
+        """The sum, with sqrt(|x|^2 + eps^2) for |x|."""
+        lengths = np.hypot(self.lengths(_times(self.columns, w)), eps[:, None])
+        return (self.radius * lengths).sum(axis=1) - (self.given * w).sum(axis=1)
+
+    def changes(self, w: np.ndarray, f: np.ndarray, eps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Newton's step of w and of f."""
+        columns, each, across = self.columns, self.each, np.linalg.svd(self.unit[None])[2][1:].T
+        x, radii, same = _times(columns, w), self.radius @ each.T, each @ each.T > 0
+        norms = np.hypot(self.lengths(x), eps[:, None]) @ each.T
+        turned = f[:, :, None] * x[:, None] + x[:, :, None] * f[:, None]
+        bend = radii[:, :, None] * np.eye(len(same)) + np.where(same, turned / (2 * norms[:, :, None]), 0.0)
+        bend = bend / norms[:, :, None]
+        sizes, ways = np.linalg.eigh(across.T @ columns.transpose(0, 2, 1) @ bend @ columns @ across)
+        sizes = np.maximum(sizes, np.maximum(_FLAT * sizes[:, -1:], np.finfo(float).tiny))
+        slope = (_back(columns, radii * x / norms) - self.given) @ across
+        change = -_times(ways, _back(ways, slope) / sizes) @ across.T
+        most = _LONGEST * np.linalg.norm(w, axis=1) / np.maximum(np.linalg.norm(change, axis=1), np.finfo(float).tiny)
+        change = np.minimum(most, 1.0)[:, None] * change
+        return change, -f - radii * x / norms - _times(bend, _times(columns, change))
+
+    def held(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """lambda of friction, made smaller until it is within all balls, and that; 0 where it does not hold."""
+        over = (self.lengths(f) / np.where(self.radius > 0, self.radius, 1.0)).max(axis=1, initial=1.0)
+        f = f / over[:, None]
+        left = _back(self.columns, f) + self.given
+        held = -left @ self.unit
+        off = np.linalg.norm(left + held[:, None] * self.unit, axis=1)
+        return np.where(off <= _CUT * np.maximum(held, _SMALL), held, 0.0), f
+
+    def inside(self, f: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        """The part of a change of f that keeps it within all balls."""
+        each, radius = self.each, self.radius
+        a, b, c = moved**2 @ each, (f * moved) @ each, f**2 @ each - radius**2
+        moves = (radius > 0) & (a > 0)
+        root = (-b + np.sqrt(np.maximum(b**2 - a * c, 0.0))) / np.where(moves, a, 1.0)
+        return np.minimum(1.0, _WITHIN * np.where(moves, root, np.inf).min(axis=1))
 
 
 def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -200,14 +236,6 @@ def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 def _back(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """The same of transposed ones."""
     return (vectors[:, None] @ matrices)[:, 0]
-
-
-def _inside(f: np.ndarray, moved: np.ndarray, radius: np.ndarray, each: np.ndarray) -> np.ndarray:
-    """The part of a change of f that keeps it within all balls."""
-    a, b, c = moved**2 @ each, (f * moved) @ each, f**2 @ each - radius**2
-    moves = (radius > 0) & (a > 0)
-    root = (-b + np.sqrt(np.maximum(b**2 - a * c, 0.0))) / np.where(moves, a, 1.0)
-    return np.minimum(1.0, _WITHIN * np.where(moves, root, np.inf).min(axis=1))
 
 
 def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
