@@ -327,6 +327,10 @@ def test_systems_of_one_structure_asked_in_turn_keep_their_own_numbers():
     state = rx.State(jnp.zeros(2), jnp.zeros(2))
     for force in (1.0, 5.0, 1.0, 1.0, 5.0):
         assert rx.solve(systems[force], state).acceleration[0] == force / 2
+    own = np.array(1.0)
+    system = eqx.tree_at(lambda system: system.parameters["force"], systems[1.0], own)
+    for own[...] in (1.0, 1.0, 7.0):
+        assert rx.solve(system, state).acceleration[0] == own / 2
 
 
 @pytest.mark.parametrize("often", [0, 10])
