@@ -28,7 +28,9 @@ _CORRECTIONS = 6  # from 0.1 on, by squares, and two more
 # Of the step to try, at least so many roundings: rates at the ends of a shorter one differ by rounding, if two times
 # are almost the same.
 _SLIVER = 1e-6, 1e3
-_HALVED = 2.0**-14  # of the way to the next time
+# Of the way to the next time, at least so many roundings: the least step, within which a motion ends.
+_HALVED = 2.0**-22, 2.0**9
+_ADVANCES = 2.0  # roundings of the time that a step is longer than, so that the time goes on by it
 _LOOKS = 4  # times within a step at which laws are asked how fast they are
 
 
@@ -75,7 +77,8 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
             good = good & (track.step > 0)  # none beyond one that was not reached
             return _Track(q, rate, track.bend, t, jnp.where(good, track.step, 0.0)), (q, good)
         way = target - track.t
-        least = _HALVED * way
+        eps = jnp.finfo(way.dtype).eps
+        least = jnp.maximum(tolerance_of(_HALVED, way) * way, _ADVANCES * eps * jnp.abs(target))
 
         def going(track: _Track) -> Array:
             return (track.t < target) & (track.step > least)

@@ -308,7 +308,7 @@ def test_a_motion_ends_with_its_time_where_the_drive_cannot_take_it_further():
     mechanism = rx.mechanisms.slider_crank(guides=1)
     ts = np.linspace(0.0, 0.4, 5)
     law, start = {"slider.x": rx.Polynomial([0.5, 1.0])}, mechanism.state(1.4).q
-    with pytest.raises(rx.NoSolutionError, match=r"ends at t = 0.2[67]\d*: there the position is all but singular"):
+    with pytest.raises(rx.NoSolutionError, match=r"ends at t = 0.2(7|69999\d*): there .* all but singular"):
         rx.drive(mechanism, law, ts, start)
     run = rx.drive(mechanism, law, ts, start, throw=False)
     assert np.all(np.isfinite(run.multipliers[:3])) and np.all(np.isnan(run.multipliers[3:]))
