@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, check_call
+from .._tools._module import Numbers, check_call, check_kind
 from .._tools._numbers import are_known
 from ._along import times_of
 from ._run import Run
@@ -43,6 +43,7 @@ def with_peaks(run_at: Callable[[Array], Run], ts: Numbers) -> Run:
     times = times_of(ts)
     check_call("run_at", run_at, times)
     run = run_at(times)
+    check_kind("run_at", run, Run, "a function that gives a `Run`", "Return what `rx.drive` gives.")
     if not are_known(run.t, run.multipliers):
         raise RedundaxError(
             "Argument `run_at` must give known numbers, but they are traced by `jit`, `vmap` or `grad`. Call "

@@ -112,10 +112,7 @@ def assemble(
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t, "t")
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     one_number("t", t)
-    positions, rates = (
-        {key: floats(value, name) for key, value in given.items()}
-        for name, given in (("positions", positions), ("rates", rates))
-    )
+    positions, rates = _each_a_number("positions", positions), _each_a_number("rates", rates)
     dtype, labels = xp.result_type(q, qd, *own), given_axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
@@ -197,6 +194,17 @@ def _checked(closed: Sequence[str], contacts: tuple[str, ...]) -> Sequence[str]:
     for name in [closed] if isinstance(closed, str) else closed:
         index_of("closed", name, contacts, " of one-sided contacts")
     return [closed] if isinstance(closed, str) else closed
+
+
+def _each_a_number(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, np.ndarray | Array]:
+    numbers = {name: floats(value, argument) for name, value in given.items()}
+    for name, value in numbers.items():
+        if value.shape != ():
+            raise RedundaxError(
+                f"Argument `{argument}` must hold a number for each name, but {name!r} has shape {value.shape}. Let "
+                "`jax.vmap` give one at a time."
+            )
+    return numbers
 
 
 def _without_prime(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:

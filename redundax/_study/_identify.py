@@ -151,7 +151,14 @@ def _searches(
     (data, sigma), (middle, scale) = measured, unit
 
     def residual(u: Array) -> tuple[Array, Array]:
-        given = jnp.asarray(predict(**restore(shapes, middle + scale * u)))
+        given = predict(**restore(shapes, middle + scale * u))
+        try:
+            given = jnp.asarray(given)
+        except (TypeError, ValueError):
+            raise RedundaxError(
+                f"Argument `predict` must give an array, but gives a {type(given).__name__}. Let it give what was "
+                "measured, say by `jnp.stack`."
+            ) from None
         if given.shape != data.shape:
             raise RedundaxError(
                 f"Argument `measured` must have the shape that `predict` gives, {given.shape}, but has {data.shape}. "

@@ -66,3 +66,8 @@ def test_two_times_that_rounding_alone_tells_apart_have_one_answer():
     ts = np.array([0.0, 0.1, 0.1 + 1e-16, 0.2, np.nextafter(0.2, 1.0), 0.3])
     run = run_at(ts)
     np.testing.assert_allclose(run["pin.angle torque"], torque(2.0, ts), rtol=1e-10)
+
+
+def test_a_function_that_gives_no_run_is_refused_by_name():
+    with pytest.raises(rx.RedundaxError, match="`run_at` must be a function that gives a `Run`, but is"):
+        rx.with_peaks(lambda ts: run_at(ts).peak, [0.0, 1.0])

@@ -194,6 +194,7 @@ backwards.defvjp(lambda a: (a, None), lambda _, a: (a,))
         ),
         ({"noise": 0.0}, r"Argument `noise` must be positive"),
         ({"noise": [1.0, 2.0]}, r"Argument `noise` must .* the shape of `measured`, \(21,\), but has \(2,\)"),
+        ({"predict": lambda a: {"x": a * T}}, r"Argument `predict` must give an array, but gives a dict"),
         (
             {"predict": lambda a: backwards(a) * T},
             r"Argument `predict` must be differentiable in forward mode.*diffrax.ForwardMode\(\)",

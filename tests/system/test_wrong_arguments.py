@@ -241,6 +241,9 @@ def test_rates_have_the_names_of_coordinates_or_of_results():
         np.testing.assert_allclose(rx.assemble(swung, guess, **rates).qd, [0.0, 0.5, 1.0], atol=1e-12)
     with pytest.raises(rx.RedundaxError, match=r"`rates` must name each rate once, but holds A\.angle twice"):
         rx.assemble(swung, guess, rates={"A.angle": 1.0, "A.angle'": 1.0})
+    for argument in ("positions", "rates"):
+        with pytest.raises(rx.RedundaxError, match=rf"`{argument}` must hold a number .* 'A\.angle' has"):
+            rx.assemble(swung, guess, **{argument: {"A.angle": np.array([0.1, 0.2])}})
 
 
 def test_positions_of_bodies_have_no_names_in_space():
