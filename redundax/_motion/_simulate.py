@@ -116,7 +116,9 @@ def simulate(
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=32)` (reverse mode) if not
       given: more checkpoints save time where a phase has more steps, and take memory in all. Outside of `jit` all steps
-      of small mechanisms are kept. `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
+      of small mechanisms are kept, and with a sleeve, ball or plate inside, too. With several of these inside of `jit`
+      give more checkpoints than a phase has steps: derivatives past a stop are off by a thousandth else.
+      `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
 

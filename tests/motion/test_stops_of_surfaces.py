@@ -131,8 +131,9 @@ def test_a_step_that_ends_shortly_before_a_stop(before):
 
 @pytest.mark.slow
 def test_reverse_mode_inside_of_jit_past_a_stop_that_turns():
-    """Velocities v_i go as exp(-L T / m_i) in T with dt = |v| dT. Slides are as long as the squares of their speeds."""
-    begins, masses = np.array([0.5, 0.8]), np.array([4.0, SLIDES])
+    """Velocities v_i go as exp(-L T / m_i) in T with dt = |v| dT. Slides are as long as the squares of their speeds.
+    There are fewer checkpoints than steps, which would have other lengths if they were computed again."""
+    begins, masses = np.array([0.5, 0.8]), np.array([1.0, SLIDES])
     mechanism = sleeve(masses[1], masses[0], jnp.zeros(2))
 
     def moves(at):
@@ -140,10 +141,10 @@ def test_reverse_mode_inside_of_jit_past_a_stop_that_turns():
         return rates[1] * np.hypot(*rates)
 
     def way(scale):
-        run = rx.simulate(mechanism, at_start(mechanism, scale * begins), 1.0, ts=[1.0], max_phases=2)
-        return run["joint.travel"][0]
+        how = {"ts": [1.0], "max_phases": 2, "adjoint": diffrax.RecursiveCheckpointAdjoint(4)}
+        return rx.simulate(mechanism, at_start(mechanism, scale * begins), 1.0, **how)["joint.travel"][0]
 
     value, slope = jax.jit(jax.value_and_grad(way))(1.0)
     truth, _ = quad(moves, 0.0, np.inf, epsabs=1e-13)
     np.testing.assert_allclose(value, truth, rtol=1e-7)
-    np.testing.assert_allclose(slope, 2 * truth, rtol=1e-6)
+    np.testing.assert_allclose(slope, 2 * truth, rtol=1e-7)
