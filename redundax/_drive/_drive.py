@@ -6,6 +6,7 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import cast
 
 import equinox as eqx
@@ -130,17 +131,14 @@ def drive(
     if isinstance(closure, LeastPeak):
         count = len(path.system.undriven.rows)
 
-        def forces_of(one: AbstractClosure) -> np.ndarray:
+        def forces_of(path: Path, contacts: tuple[AbstractSystem, State] | None, one: AbstractClosure) -> np.ndarray:
             return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
 
         smooth = path._replace(system=path.system.without_friction)
         beside = contacts and (contacts[0].without_friction, contacts[1])
-
-        def without_friction(one: AbstractClosure) -> np.ndarray:
-            return -np.asarray(_solved(smooth, names, one, solver, False, beside).multipliers)[:, count:]
-
+        both = partial(forces_of, path, contacts), partial(forces_of, smooth, beside)
         sharing = [each.name for each in drives_of(path.system) if each.row >= count]
-        closure, shared = closure.shared(forces_of, without_friction, sharing, np.asarray(path.t))
+        closure, shared = closure.shared(*both, sharing, np.asarray(path.t))
         said = *said, *shared
     run = _solved(path, names, closure, solver, throw, contacts)
     run = replace_fields(run, remarks=(*run.remarks, *said))

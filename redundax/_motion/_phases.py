@@ -42,7 +42,7 @@ _KEPT, _KEPT_NUMBERS = 8192, 2**17
 _MOST = 1024
 # By how much friction may turn surfaces that begin to slide, in what they gain, so that ordinary steps follow: by ten
 # times as much they do to 1e-9, and by twenty times to 1e-3.
-_TURNED = 4.0
+_FOLLOWED = 4.0
 
 
 class Options(NamedTuple):
@@ -426,7 +426,7 @@ def _release(done: PhaseState, equations: Equations) -> Release:
     slip = solved.slip_by(tau, yields)
     let_go = jnp.where(done.touches, directions.against(tau - lacks @ slip), stop_gradient(done.mode.sense))
     sense = jnp.where(done.released, let_go, held)
-    turns = turned_by(before, tau, yields) > _TURNED * directions.along(slip, sense)
+    turns = turned_by(before, tau, yields) > _FOLLOWED * directions.along(slip, sense)
     joints = done.released & (done.touches | jnp.any(done.released & turns))
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
     onward, rates = equations.with_sense(sense), stop_gradient((linear.rate, solved.slip))

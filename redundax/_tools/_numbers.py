@@ -410,7 +410,7 @@ def on_numbers(
             return inside(*arguments, **named)
         within = is_computing()
         if repeats:
-            calls[key := hash((*named, *_flat(given)[1]))] += 1
+            calls[key := hash((*named, flattened(given)[1]))] += 1
             if calls[key] > OFTEN:
                 out = program(*arguments, **named)
                 return as_numbers(out) if within else out
@@ -431,12 +431,6 @@ def asked_of_model(function: Callable[P, T]) -> Callable[P, T]:
 def computed(function: Callable[P, T]) -> Callable[P, T]:
     """`on_numbers` for a call that no program holds."""
     return on_numbers(function, jit=False)
-
-
-def _flat(arguments: tuple[PyTree, ...]) -> tuple[list[Numeric], tuple[Hashable, ...]]:
-    """Arrays of arguments, one after the other, and what a program is keyed by."""
-    parts = [x.flat if is_model(x) else flattened(x) for x in arguments]
-    return [x for arrays, _ in parts for x in arrays], tuple(key for _, key in parts)
 
 
 # Calls of one structure in which NumPy computes the model; compiling a program takes as long as some hundred of them.
@@ -545,7 +539,7 @@ def as_program(
         if not are_numbers(*arguments):
             with computing():
                 return as_arrays(run(*as_numbers(arguments)))
-        arrays, key = _flat(arguments)
+        arrays, key = flattened(arguments)
         try:
             with jax.core.eval_context():
                 own = _kept(recent, key, lambda: _Traced(function, arguments, kind))
@@ -574,7 +568,7 @@ def of_model(function: Callable[P, T]) -> Callable[P, T]:
     recent: collections.OrderedDict[Hashable, _Traced] = collections.OrderedDict()
 
     def computed(*arguments: PyTree) -> T:
-        arrays, key = _flat(arguments)
+        arrays, key = flattened(arguments)
         return _kept(recent, key, lambda: _Traced(function, arguments, _MODEL))(arrays)
 
     @functools.wraps(function)

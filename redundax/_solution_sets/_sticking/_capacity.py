@@ -155,13 +155,14 @@ def _least_norms(
     Shapes: the columns S (p, d), the drive u (d,) and b (s, d), radii (s, j), and `each` (p, j), whose slips are whose.
     """
     (unit, given), s = drive, len(radius)
+    across = np.linalg.svd(unit[None])[2][1:].T
     w, f, eps = np.tile(unit, (s, 1)), np.zeros((s, len(columns))), np.ones(s)
     most, force, bound = np.zeros(s), np.zeros_like(f), np.full(s, np.inf)
     for _ in range(_STEPS):
         k = np.flatnonzero(~(bound - most <= _CUT * bound + _NOTHING) | (bound == np.inf))
         if not k.size:
             break
-        norms = _Norms(columns * (radius[k] @ each.T > 0)[:, :, None], unit, given[k], radius[k], each)
+        norms = _Norms(columns * (radius[k] @ each.T > 0)[:, :, None], unit, across, given[k], radius[k], each)
         change, moved = norms.changes(w[k], f[k], eps[k])
         held, holds = norms.held(f[k] + moved)
         better = held > most[k]
@@ -179,10 +180,12 @@ def _least_norms(
 
 
 class _Norms(NamedTuple):
-    """The sum of norms of cases, by arguments of `_least_norms`; columns (s, p, d), 0 of balls without a radius."""
+    """The sum of norms of cases, by arguments of `_least_norms`; columns (s, p, d), 0 of balls without a radius, and a
+    basis of what is across the drive, (d, d - 1)."""
 
     columns: np.ndarray
     unit: np.ndarray
+    across: np.ndarray
     given: np.ndarray
     radius: np.ndarray
     each: np.ndarray
@@ -197,7 +200,7 @@ class _Norms(NamedTuple):
 
     def changes(self, w: np.ndarray, f: np.ndarray, eps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's step of w and of f."""
-        columns, each, across = self.columns, self.each, np.linalg.svd(self.unit[None])[2][1:].T
+        columns, across, each = self.columns, self.across, self.each
         x, radii, same = _times(columns, w), self.radius @ each.T, each @ each.T > 0
         norms = np.hypot(self.lengths(x), eps[:, None]) @ each.T
         turned = f[:, :, None] * x[:, None] + x[:, :, None] * f[:, None]
