@@ -106,12 +106,14 @@ def seen(
     watch: PyTree,
 ) -> Seen:
     """What is found at a state, friction with the senses of `trial`; `lands` says whether which joints stick is asked
-    even if none do."""
+    even if none do, and friction of surfaces that come to a stop is against the direction in which they did."""
     along, yields = context.along, None
     if along is not None:
         along = jnp.where(trial == equations.sense, along, trial)
         yields = linear.response.unit.acceleration, cast(Array, linear.yields)
-    solved = equations.with_sense(trial).solved(state, linear, context.tau, along)
+    stops = lands & equations.still(linear.rate) & equations.directed
+    felt = linear._replace(rate=jnp.where(stops, 0.0, linear.rate))
+    solved = equations.with_sense(trial).solved(state, felt, context.tau, along)
     there = mode_at(equations, state, context.held, linear, jnp.any(equations.sticking) | lands)
     against = _against(equations, linear.rate, context.along) * equations.slip_size
     return Seen(linear.rate, solved, there, against, yields, watch)
@@ -430,7 +432,7 @@ class Landing(NamedTuple):
     - `weights`, `along`, `slope`: those of h among slip rates, or slip accelerations; the directions in which joints
       slide; and h'.
     - `shift`: how much later the event is.
-    - `change`: y' there.
+    - `change`, `slip`: y' and slip accelerations there.
     - `starts`: which joints with several slips start to slide there.
     - `halt`: the impulse that leaves those and joints that stick no slip, by slip rates, where joints have several.
     """
@@ -442,6 +444,7 @@ class Landing(NamedTuple):
     slope: Float[Array, ""]
     shift: Float[Array, ""]
     change: Moving
+    slip: Float[Array, " p"]
     starts: Bool[Array, " p"]
     halt: Float[Array, "n p"] | None
 
@@ -475,7 +478,7 @@ def landing(
     slope = jnp.where(good, slope, 1.0)
     root, width = jnp.where(good, -h / slope, 0.0), step.end - step.start
     shift = jnp.clip(root, -width, jnp.minimum(_APART * width, jnp.maximum(last - step.end, 0.0)))
-    return Landing(good, free, weights, along, slope, shift, change, starts, halt), onward
+    return Landing(good, free, weights, along, slope, shift, change, seen.solved.slip, starts, halt), onward
 
 
 def _begins(equations: Equations, seen: Seen, onward: Mode) -> tuple[Bool[Array, " p"], Float[Array, " p"]]:
@@ -505,7 +508,9 @@ def landed(
 ) -> tuple[Array, Moving]:
     """How much later the event is, and the state there."""
     y = jax.tree.map(lambda x, change: x + end.shift * change, y, end.change)
-    return end.shift, y if end.halt is None else y._replace(qd=y.qd - jnp.where(end.lands, end.halt @ rate, 0.0))
+    if end.halt is not None:
+        y = y._replace(qd=y.qd - jnp.where(end.lands, end.halt @ (rate + end.shift * end.slip), 0.0))
+    return end.shift, y
 
 
 @landed.def_jvp
@@ -529,11 +534,11 @@ def _told(equations: Equations, t: Array, y: Moving, context: Context) -> tuple[
 def _first_changes(end: Landing, trial: Array, at: tuple, at_dot: tuple) -> tuple[Array, Moving]:
     """Changes of the time of an event and of the state there, dt = -dh / h' as h stays 0; slip rates that are halted
     stay so. Given the equations, time, state and context where the step ends, and their changes."""
-    (_, slip, _), (_, slip_dot, rate_dot) = eqx.filter_jvp(_told, (at[0].with_sense(trial), *at[1:]), at_dot)
+    _, (_, slip_dot, rate_dot) = eqx.filter_jvp(_told, (at[0].with_sense(trial), *at[1:]), at_dot)
     shift = jnp.where(end.lands, -(end.weights @ jnp.where(end.free, slip_dot, rate_dot)) / end.slope, 0.0)
     y_dot = jax.tree.map(lambda dot, change: dot + shift * change, at_dot[2], end.change)
     if end.halt is not None:
-        y_dot = y_dot._replace(qd=y_dot.qd - jnp.where(end.lands, end.halt @ (rate_dot + shift * slip), 0.0))
+        y_dot = y_dot._replace(qd=y_dot.qd - jnp.where(end.lands, end.halt @ (rate_dot + shift * end.slip), 0.0))
     return shift, y_dot
 
 
