@@ -138,7 +138,7 @@ def drive(
         beside = contacts and (contacts[0].without_friction, contacts[1])
         both = partial(forces_of, path, contacts), partial(forces_of, smooth, beside)
         sharing = [each.name for each in drives_of(path.system) if each.row >= count]
-        closure, shared = closure.shared(*both, sharing, np.asarray(path.t))
+        closure, shared = closure.shared(*both, sharing, np.asarray(path.t), throw)
         said = *said, *shared
     run = _solved(path, names, closure, solver, throw, contacts)
     run = replace_fields(run, remarks=(*run.remarks, *said))

@@ -20,7 +20,7 @@ from .._closures._play import Play
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._errors import RedundaxError
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import as_float, check_kind, finite, positive
 from .._tools._value import AbstractModule
 
@@ -28,6 +28,7 @@ from .._tools._value import AbstractModule
 _STIFF = 1e-7
 _ROUNDS = 12  # of the programme where friction depends on the share: each leaves a mu of the error before, or less
 _KEPT = 1e-6  # of a limit: what the stiffness of joints leaves of it
+_SETTLED = 1e-7  # of the least peak, by which forces are beyond it or below a preload once they are as it has them
 _STEP = 1e-3  # of a misfit, beside that which the largest force takes
 
 
@@ -130,8 +131,10 @@ class LeastPeak(AbstractModule):
         without_friction: Callable[[AbstractClosure], np.ndarray],
         names: Sequence[str],
         ts: np.ndarray,
+        throw: bool | None,
     ) -> tuple[AbstractClosure, tuple[str, ...]]:
-        """The closure that brings it about, given what forces of drives one makes, and what is to be said."""
+        """The closure that brings it about, given what forces of drives one makes, and what is to be said; where none
+        is found an error, or NaN and what that would say."""
         _check_all("limits", self.limits, names)
         norm = LeastNorm(self.limits, self.closure)
         limits = np.array([float(self.limits[name]) for name in names])
@@ -145,18 +148,25 @@ class LeastPeak(AbstractModule):
 
         unit = np.broadcast_to(np.diag(1 / limits), (len(ts), len(names), len(names)))
         ways = unit @ _ways(by(without_friction, without_friction(_Misfits(norm, ts, errors)), unit) / limits[:, None])
-        moved = 0.0
+        beyond = np.zeros(len(ts))
         for _ in range(_ROUNDS):
             now = forces_of(_Misfits(norm, ts, errors))
             found = [_programme(*one, limits, least) for one in zip(now, by(forces_of, now, ways), strict=True)]
             steps, peaks = np.array([step for step, _ in found]), np.array([peak for _, peak in found])
-            errors = errors + np.einsum("tdk,tk->td", ways, steps)
-            moved = np.abs(steps).max(initial=0.0) / (np.nanmax(peaks, initial=0.0) or 1.0)
-            if moved <= _KEPT:
+            beyond = _beyond(now / limits, least / limits, peaks)
+            if np.all(beyond <= _SETTLED):
                 break
-        said = []
-        if moved > _KEPT:
-            said.append(f"The share of the drives did not settle: its last step was {100 * moved:.2g} % of the peak.")
+            errors = errors + np.einsum("tdk,tk->td", ways, np.where(beyond[:, None] > _SETTLED, steps, 0.0))
+        said, lost = [], np.flatnonzero(beyond > _SETTLED)
+        if lost.size:
+            none = (
+                f"No share of the drives was found at {lost.size} of {len(ts)} times, first t = {ts[lost[0]]:.6g}: "
+                "joints that a preload presses may wedge by their friction. Give less preload, or `LeastNorm`."
+            )
+            if throw is not False:
+                raise NoSolutionError(f"{none} With `throw=False` the other times are given, and NaN at these.")
+            errors[lost] = np.nan
+            said.append(none)
         over = np.flatnonzero(peaks > 1 + _KEPT)
         if over.size:
             worst = int(np.nanargmax(peaks))
@@ -185,6 +195,13 @@ class _Misfits(AbstractClosure):
 
     def drive_errors(self, state: State) -> Array:
         return self.errors[jnp.argmin(jnp.abs(self.ts - state.t))]
+
+
+def _beyond(share: np.ndarray, least: np.ndarray, peaks: np.ndarray) -> np.ndarray:
+    """By how much forces over the limits are beyond the least peaks or below the preload, relative; 0 of none."""
+    short = np.where(least != 0, np.abs(least) - np.sign(least) * share, 0.0)
+    beyond = np.maximum(np.abs(share).max(axis=1) - peaks, short.max(axis=1))
+    return np.nan_to_num(np.maximum(beyond, 0.0) / np.where(peaks > 0, peaks, 1.0))
 
 
 def _ways(by: Float[np.ndarray, "times d d"]) -> Float[np.ndarray, "times d k"]:

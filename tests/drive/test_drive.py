@@ -7,6 +7,7 @@ import pytest
 import scipy.optimize
 
 import redundax as rx
+from redundax._drive import _share
 
 S = rx.spatial
 TURNS = np.linspace(0.0, 1.0, 41)  # s: of a crank at 10 rad/s and more, 2.4 turns
@@ -220,7 +221,7 @@ def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
         rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm({"left.travel": 200.0}, rails))
 
 
-def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs():
+def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs(monkeypatch):
     """A lever on a rough pin, level at t = 0, lifted at both ends. Where both drives are at the same share of their
     limits, p, u_right = p l_right and u_left = -p l_left, a balance of moments says p."""
     arm, lever, carriage, across, rough, spin, gain = 0.5, (4.0, 0.3), 0.7, 60.0, 0.04, 0.8, 5.0
@@ -254,6 +255,11 @@ def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs():
     np.testing.assert_allclose(run.forces[0], [-20.0 * p, 35.0 * p], rtol=1e-6)
     np.testing.assert_allclose(ample.forces, run.forces, rtol=1e-6)  # limits far above the forces are as any others
     assert not run.remarks and not ample.remarks
+    monkeypatch.setattr(_share, "_ROUNDS", 1)  # as friction depends on the share, one does not settle it
+    with pytest.raises(rx.NoSolutionError, match="No share of the drives was found at 2 of 2 times"):
+        rx.drive(machine, laws, ts, guess, closure=shares[0])
+    unsettled = rx.drive(machine, laws, ts, guess, closure=shares[0], throw=False)
+    assert np.all(np.isnan(unsettled.forces)) and "No share" in str(unsettled)
 
 
 @pytest.mark.parametrize("size", [np.inf, np.nan])
