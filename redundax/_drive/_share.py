@@ -161,10 +161,13 @@ class LeastPeak(AbstractModule):
         if lost.size:
             none = (
                 f"No share of the drives was found at {lost.size} of {len(ts)} times, first t = {ts[lost[0]]:.6g}: "
-                "joints that a preload presses may wedge by their friction. Give less preload, or `LeastNorm`."
+                "joints that a preload presses may wedge by their friction."
             )
             if throw is not False:
-                raise NoSolutionError(f"{none} With `throw=False` the other times are given, and NaN at these.")
+                raise NoSolutionError(
+                    f"{none} Give less preload, or `LeastNorm`. With `throw=False` the other times are given, and NaN "
+                    "at these."
+                )
             errors[lost] = np.nan
             said.append(none)
         over = np.flatnonzero(peaks > 1 + _KEPT)

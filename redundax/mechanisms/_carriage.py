@@ -19,7 +19,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, parallel_guides, point
+from ._parts import Numbers, at_least, checked, parallel_guides, point
 
 
 class _Pose(AbstractModule):
@@ -31,6 +31,7 @@ class _Pose(AbstractModule):
         return jnp.stack([s * jnp.cos(self.angle), s * jnp.sin(self.angle), self.angle])
 
 
+@checked
 def carriage(
     guides: int = 2,
     gauge: ArrayLike = 0.4,

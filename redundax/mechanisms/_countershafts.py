@@ -19,9 +19,11 @@ from .._bodies._joints import GearPair, Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
+from .._tools._errors import RedundaxError
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
+from .._tools._words import short
+from ._parts import Numbers, at_least, checked, coulomb, point, rubbing, spread, uniform_disc
 
 
 class _Pose(AbstractModule):
@@ -45,6 +47,7 @@ def _meshed(teeth: tuple[int, int, int, int], places: np.ndarray) -> np.ndarray:
     return places + (a * places + (b + 1) * np.pi) / b
 
 
+@checked
 def countershaft_train(
     shafts: int = 2,
     teeth: tuple[int, int, int, int] = (20, 40, 24, 36),
@@ -88,6 +91,11 @@ def countershaft_train(
     `state(phi, rate=...)` gives the state at input angle phi (rad) and input rate (rad/s).
     """
     at_least("shafts", shafts, 1, "Give the number of countershafts.")
+    if np.shape(teeth) != (4,):
+        raise RedundaxError(
+            f"Argument `teeth` must be four whole numbers, but is {short(teeth)}. Give those of the input, of the two "
+            "gears of a countershaft and of the output."
+        )
     a, b, c, d = teeth
     module, gravity = floats(module), floats(gravity)
     second, distance = module * (a + b) / (c + d), module * (a + b) / 2

@@ -18,7 +18,7 @@ from .._bodies._pose import perpendicular
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, each, point, rubbing, uniform_rod
+from ._parts import Numbers, checked, each, point, rubbing, uniform_rod
 
 
 class _Pose(AbstractModule):
@@ -44,6 +44,7 @@ class _Pose(AbstractModule):
         return jnp.concatenate([*centres, jnp.stack([phi, rocker, coupler, coupler])])
 
 
+@checked
 def doubled_four_bar(
     crank: ArrayLike = 0.25,
     coupler: ArrayLike = 0.52,

@@ -18,7 +18,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
+from ._parts import Numbers, at_least, checked, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
 
 class _Pose(AbstractModule):
@@ -34,6 +34,7 @@ class _Pose(AbstractModule):
         return jnp.concatenate([centres.ravel(), couplers.ravel(), angles, jnp.zeros_like(angles[1:])])
 
 
+@checked
 def n_four_bar(
     loops: int = 2,
     crank: ArrayLike = 1.0,

@@ -21,7 +21,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
+from ._parts import Numbers, at_least, checked, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
 
 class _Pose(AbstractModule):
@@ -37,6 +37,7 @@ class _Pose(AbstractModule):
         return jnp.concatenate([centres.ravel(), coupler, angles, jnp.zeros_like(angles[:1])])
 
 
+@checked
 def parallelogram(
     cranks: int = 3,
     crank: ArrayLike = 0.5,
@@ -78,6 +79,7 @@ def parallelogram(
     return _linkage(cranks, crank, spacing, crank_mass, coupler_mass, mu_rho, gravity, None)
 
 
+@checked
 def driven_parallelogram(
     cranks: int = 2,
     crank: ArrayLike = 0.5,
@@ -114,6 +116,7 @@ def driven_parallelogram(
     return _linkage(cranks, crank, spacing, crank_mass, coupler_mass, mu_rho, gravity, law)
 
 
+@checked
 def swing(
     rods: int = 3,
     length: ArrayLike = 1.0,

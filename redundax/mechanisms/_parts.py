@@ -5,8 +5,10 @@ crank    rod from the ground point (X_c, 0), joint A_c, to its tip, at the angle
 guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 """
 
-from collections.abc import Sequence
-from typing import TypedDict
+import functools
+import inspect
+from collections.abc import Callable, Sequence
+from typing import ParamSpec, SupportsIndex, TypedDict, TypeVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,13 +19,46 @@ from .._bodies._body import GROUND, Body
 from .._bodies._friction_model import Coulomb
 from .._bodies._joints import Revolute, Translational
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, floats, numpy_of
+from .._tools._module import Numbers, check_kind, floats, numpy_of, one_number
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+_ONE, _MANY = (ArrayLike, ArrayLike | None), (Numbers, Numbers | None)
+
+
+def checked(factory: Callable[P, T]) -> Callable[P, T]:
+    """The same, which refuses what is no number, several numbers for one, and no whole one, by the argument's name."""
+    kinds = {name: each.annotation for name, each in inspect.signature(factory).parameters.items()}
+
+    @functools.wraps(factory)
+    def made(*args: P.args, **named: P.kwargs) -> T:
+        for name, value in (*zip(kinds, args, strict=False), *named.items()):
+            kind = kinds.get(name)
+            if kind in _ONE + _MANY and not (value is None and kind in (_ONE[1], _MANY[1])):
+                number = floats(cast(Numbers, value), name)
+                if kind in _ONE:
+                    one_number(name, number)
+            elif kind is int:
+                check_kind(name, value, SupportsIndex, "a whole number", "Give an integer.")
+        return factory(*args, **named)
+
+    return made
 
 
 def at_least(name: str, value: int, least: int, fix: str) -> None:
     """Refuse a count below `least`."""
     if value < least:
         raise RedundaxError(f"Argument `{name}` must be at least {least}, but is {value}. {fix}")
+
+
+def several(name: str, value: Numbers) -> Float[np.ndarray | Array, " count"]:
+    """Numbers in a row, refused if there is one alone or if they are in a table."""
+    array = floats(value, name)
+    if array.ndim != 1:
+        raise RedundaxError(f"Argument `{name}` must be a list of numbers, but has shape {array.shape}. Give a list.")
+    return array
 
 
 def each(name: str, value: Numbers, count: int, what: str) -> Float[np.ndarray | Array, " count"]:

@@ -23,7 +23,7 @@ from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
+from ._parts import Numbers, at_least, checked, coulomb, point, rubbing, spread, uniform_disc
 
 
 class _Pose(AbstractModule):
@@ -43,6 +43,7 @@ class _Pose(AbstractModule):
         return jnp.concatenate([jnp.zeros(4), centres.ravel(), jnp.stack([phi, carrier]), turned])
 
 
+@checked
 def planetary(
     planets: int = 3,
     sun_teeth: int = 24,

@@ -15,9 +15,10 @@ from .._bodies._joints import KnifeEdge
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import floats
-from ._parts import point
+from ._parts import checked, point
 
 
+@checked
 def skate(mass: ArrayLike = 2.0, inertia: ArrayLike = 0.3, ahead: ArrayLike = 0.4) -> Mechanism:
     """Chaplygin's sleigh, seen from above: a body that slides on ice and has one blade.
 

@@ -18,7 +18,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_rod
+from ._parts import Numbers, at_least, checked, parallel_guides, point, rubbing, uniform_rod
 
 
 class _Pose(AbstractModule):
@@ -35,6 +35,7 @@ class _Pose(AbstractModule):
         return jnp.concatenate([pin / 2, (pin + slider) / 2, slider, angles])
 
 
+@checked
 def slider_crank(
     guides: int = 2,
     crank: ArrayLike = 0.25,

@@ -18,7 +18,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import figure, floats
 from .._tools._value import AbstractModule
-from ._parts import rubbing
+from ._parts import checked, rubbing
 
 
 class _Pose(AbstractModule):
@@ -34,6 +34,7 @@ class _Pose(AbstractModule):
         return jnp.stack([*centres, phi + zero, zero, phi + zero, zero])
 
 
+@checked
 def wojtyra2020(
     length: ArrayLike = 0.1,
     mass: ArrayLike = 1.0,

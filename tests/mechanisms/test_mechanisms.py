@@ -588,3 +588,13 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+@pytest.mark.parametrize("factory", [value for value in vars(rx.mechanisms).values() if inspect.isfunction(value)])
+def test_arguments_of_mechanisms_are_refused_by_name(factory):
+    for name in inspect.signature(factory).parameters:
+        for wrong in ("x", None, [1, 2, 3, 4, 5]):
+            try:
+                factory(**{name: wrong})
+            except rx.RedundaxError as error:
+                assert f"`{name}`" in str(error) or isinstance(wrong, list)

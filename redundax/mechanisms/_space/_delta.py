@@ -16,9 +16,11 @@ from ..._bodies._space._joints._pairs import Revolute
 from ..._bodies._space._joints._universal import Universal
 from ..._system._units import Units
 from ..._tools._module import floats, numpy_of
+from .._parts import checked
 from ._parts import bar
 
 
+@checked
 def delta(
     arm: ArrayLike = 0.25,
     rod: ArrayLike = 0.55,

@@ -13,8 +13,10 @@ from ..._bodies._space._body import Body
 from ..._bodies._space._joints._pairs import Revolute
 from ..._system._units import Units
 from ..._tools._module import Numbers, floats, numpy_of
+from .._parts import checked, several
 
 
+@checked
 def door(
     heights: Numbers = (0.2, 1.0, 1.8),
     width: ArrayLike = 1.0,
@@ -51,7 +53,7 @@ def door(
     body = Body("door", mass, mass / 12 * xp.stack(squares), centre=xp.stack([width / 2, zero, height / 2]))
     hinges = [
         Revolute(f"hinge {k + 1}", body, GROUND, point=xp.stack([zero, zero, z + zero]))
-        for k, z in enumerate(floats(heights))
+        for k, z in enumerate(several("heights", heights))
     ]
     down = gravity * xp.stack([xp.sin(lean), 0 * lean, -xp.cos(lean)])
     return Mechanism([body], hinges, gravity=down, units=Units())

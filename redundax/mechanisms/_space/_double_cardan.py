@@ -15,9 +15,11 @@ from ..._bodies._space._joints._pairs import Revolute
 from ..._bodies._space._joints._universal import Universal
 from ..._system._units import Units
 from ..._tools._module import floats, numpy_of
+from .._parts import checked
 from ._parts import bar
 
 
+@checked
 def double_cardan(
     angle: ArrayLike = 0.5,
     other_angle: ArrayLike | None = None,

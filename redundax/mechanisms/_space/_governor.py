@@ -16,8 +16,10 @@ from ..._bodies._space._loads import SpringDamper
 from ..._bodies._space._rotation import axes_along
 from ..._system._units import Units
 from ..._tools._module import floats, numpy_of
+from .._parts import checked
 
 
+@checked
 def governor(
     angle: ArrayLike = np.pi / 6,
     ball_mass: ArrayLike = 5.0,

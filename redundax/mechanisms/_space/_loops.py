@@ -16,9 +16,11 @@ from jax.typing import ArrayLike
 from ..._bodies._mechanism import Mechanism
 from ..._system._units import Units
 from ..._tools._module import floats, numpy_of
+from .._parts import checked
 from ._parts import chain
 
 
+@checked
 def bennett(
     length: ArrayLike = 0.6,
     twist: ArrayLike = 0.6435011087932844,
@@ -64,6 +66,7 @@ def bennett(
     return Mechanism(*chain(points, axes, mass), gravity=down, units=Units())
 
 
+@checked
 def bricard(
     length: ArrayLike = 1.0, width: ArrayLike = 0.1, mass: ArrayLike = 1.0, gravity: ArrayLike = 9.81
 ) -> Mechanism:

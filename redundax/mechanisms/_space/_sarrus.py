@@ -14,9 +14,11 @@ from ..._bodies._space._body import Body
 from ..._bodies._space._joints._pairs import Revolute
 from ..._system._units import Units
 from ..._tools._module import Numbers, floats, numpy_of
+from .._parts import checked, several
 from ._parts import bar
 
 
+@checked
 def sarrus(
     directions: Numbers = (0.0, 2 * np.pi / 3),
     length: ArrayLike = 0.3,
@@ -49,9 +51,8 @@ def sarrus(
     - `platform_mass`: kg; a disc of that radius.
     - `gravity`: m/s^2, downwards.
     """
-    angles, length, radius, rise, mass, heavy, gravity = (
-        floats(x) for x in (directions, length, radius, angle, mass, platform_mass, gravity)
-    )
+    angles = several("directions", directions)
+    length, radius, rise, mass, heavy, gravity = map(floats, (length, radius, angle, mass, platform_mass, gravity))
     xp = numpy_of(angles, length, radius, rise, mass, heavy, gravity)
     up = xp.eye(3)[2]
     top = 2 * length * xp.sin(rise) * up

@@ -18,7 +18,8 @@ from ..._bodies._space._loads import AppliedForce
 from ..._bodies._speed_driver import SpeedDriver
 from ..._system._names import index_of
 from ..._system._units import Units
-from ..._tools._module import Numbers, floats, numpy_of
+from ..._tools._module import Numbers, floats, names_in, numpy_of
+from .._parts import checked
 
 CORNERS = ("front left", "front right", "rear left", "rear right")
 
@@ -32,6 +33,7 @@ def _disc(name: str, mass: Numbers, radius: Numbers, position: Numbers, orientat
     )
 
 
+@checked
 def rolling_disc(
     radius: ArrayLike = 0.3, mass: ArrayLike = 2.0, tilt: ArrayLike = 0.0, gravity: ArrayLike = 9.81
 ) -> Mechanism:
@@ -63,6 +65,7 @@ def rolling_disc(
     return Mechanism([disc], [rim], gravity=xp.stack([0 * gravity, 0 * gravity, -gravity]), units=Units())
 
 
+@checked
 def cart(
     wheelbase: ArrayLike = 0.8,
     track: ArrayLike = 0.6,
@@ -111,6 +114,7 @@ def cart(
         wheels.append(_disc(name, wheel_mass, radius, centre))
         hubs.append(Revolute(f"{name} hub", wheels[-1], chassis, centre, (0, 1, 0)))
         tyres.append(Wheel(f"{name} tyre", wheels[-1], GROUND, centre, (0, 1, 0), radius=radius))
+    driven = names_in("driven", driven)
     for name in driven:
         index_of("driven", name, CORNERS, " of wheels")
     motors = [SpeedDriver(f"{name} motor", f"{name} hub.angle", speed) for name in driven]
