@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 
 from .._models._content import document
 from .._models._edit_usd import layers_of
-from .._models._formats import MODELS
+from .._models._formats import FORMATS, format_of
+from .._models._repair import WRITTEN
 from .._models._urdf import closures_of
 from ._file import FileError, check_target
 
@@ -15,11 +16,12 @@ _PICTURES = ("texture",)  # of the elements that name files, those that `texture
 
 def check_copy(system: str, closures: str | None, file: pathlib.Path) -> None:
     """Refuse a copy that cannot be of this model, or would cost a file of it."""
-    source = pathlib.Path(system)
+    source, form = pathlib.Path(system), format_of(system)
     kind = source.suffix.lower()
-    if kind not in MODELS:
-        raise FileError(f"Argument `--fix` copies {', '.join(MODELS)}, but '{system}' is none. Leave it out.")
-    is_usd = kind in (*_LAYERS, ".usdz")
+    if form is None or form.name not in WRITTEN:
+        copied = ", ".join(ending for each in FORMATS if each.name in WRITTEN for ending in each.endings)
+        raise FileError(f"Argument `--fix` copies {copied}, but '{system}' is none. Leave it out.")
+    is_usd = form.name == "USD"
     if is_usd and file.suffix.lower() not in _LAYERS:
         raise FileError(f"Argument `--fix` must end in {', '.join(_LAYERS)} for USD, but is '{file}'. Rename it.")
     if not is_usd and file.suffix.lower() != kind:
@@ -29,7 +31,7 @@ def check_copy(system: str, closures: str | None, file: pathlib.Path) -> None:
     check_target(file)
     if kind == ".urdf":
         _check_loops(closures_of(source, closures), file)
-    if source.is_file() and kind != ".asmt":
+    if source.is_file() and (is_usd or form.root):
         _check_named(source, layers_of(source) if is_usd else _named(source), file)
 
 

@@ -52,6 +52,14 @@ class Language(NamedTuple):
             return []
 
 
+def _no_copy(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Changed:
+    """What a format does in which nothing can be changed."""
+    raise RedundaxError(
+        f"Argument `file`: '{file}' would be {model.described.format}, of which no copies are written. Leave it out."
+    )
+
+
+_NONE = Language("", lambda model: [], _no_copy, "")
 _LANGUAGES = (
     Language("MJCF", mjcf_moves, mjcf_change, "it cannot free single directions of a connect or weld"),
     Language("URDF", urdf_moves, urdf_change, "it knows ball joints in place of hinges, and 3d loops"),
@@ -63,9 +71,12 @@ _LANGUAGES = (
 )
 
 
+WRITTEN = tuple(each.name for each in _LANGUAGES)
+
+
 def language(model: Model) -> Language:
-    """That of the file of a model."""
-    return next(each for each in _LANGUAGES if each.name == model.described.format)
+    """That of the file of a model; one without a name and words where no copies of its format are written."""
+    return next((each for each in _LANGUAGES if each.name == model.described.format), _NONE)
 
 
 def along(model: Model, found: Audit, at: np.ndarray, travel: Travel | None) -> Along:

@@ -1,13 +1,22 @@
 """Files that are not what their names say, that hold what no body has, or what MuJoCo does not know."""
 
 import gzip
+import json
 
+import numpy as np
 import pytest
 
 import redundax as rx
 from redundax._command._audit import _check_size
+from redundax._command._copy import check_copy
 from redundax._command._file import FileError
+from redundax._models import _formats
+from redundax._models._assembly import Frame, Held
+from redundax._models._audit_page import audit_page
+from redundax._models._examine import examine
 from redundax._models._formats import describe, not_a_model
+from redundax._models._reader import AbstractReader
+from redundax._models._repair import language
 
 pytest.importorskip("mujoco")
 
@@ -141,3 +150,37 @@ def test_a_large_model_is_told_early_or_refused(capsys):
     assert "1000 bodies that move: matrices of 0.3 GB" in capsys.readouterr().err
     with pytest.raises(FileError, match="4000 bodies that move: an audit has matrices of 5 GB"):
         _check_size(4000)
+
+
+class Doors(AbstractReader):
+    """A file of heights of hinges of one door, and of what else holds it."""
+
+    form = "Doors"
+
+    def _begin(self, path):
+        self._root = json.loads(path.read_text())
+        self._add("door", Frame(np.array([0.5, 0.0, 1.0]), np.eye(3)), (20.0, np.zeros(3), np.eye(3)))
+
+    def described(self):
+        held = []
+        for name, height in self._root["hinges"].items():
+            at = Frame(np.array([0.0, 0.0, height]), np.eye(3))
+            held.append(Held(name, "hinge", (1, self._poses[1].back().of(at)), (0, at), 0.0))
+        for name in self._root["others"]:
+            self._leave_out(name, "nothing here is of its kind")
+        return self._described(self._assembled(held), (0.0, 0.0, -9.81))
+
+
+def test_a_reader_and_an_entry_are_a_format_all_told(write, monkeypatch):
+    """A door on three hinges has ten loads too many; what is known of copies of it is that none are written."""
+    form = _formats.Format("Doors", (".door",), lambda path, _: Doors(path).described(), first=(b"{",))
+    monkeypatch.setattr(_formats, "FORMATS", (*_formats.FORMATS, form))
+    file = write("a.door", json.dumps({"hinges": {"a": 0.2, "b": 1.0, "c": 1.8}, "others": ["latch"]}))
+    with pytest.warns(UserWarning, match="without latch"):
+        model = rx.load_model(file)
+    found = examine(model, 1)
+    assert found.figures == (10, 1)
+    text = audit_page(found, None, lines={}, language=language(model).name)
+    assert "REDUNDANT by 10" in text and "free what each line names" in text
+    with pytest.raises(FileError, match="`--fix` copies"):
+        check_copy(str(file), None, file.with_name("b.door"))
