@@ -87,9 +87,22 @@ class Linear(NamedTuple):
         yields = xp.where(blocked[:, None] | blocked, 0.0, self.yields)
         return self._replace(slip=xp.where(blocked, prescribed, self.slip), yields=yields)
 
+    @property
+    def free(self) -> Bool[Array, " p"]:
+        """Slips that constraints do not forbid, as far as it is known."""
+        return jnp.diagonal(self.yields) > 0
+
     def slips_caused(self, tau: Float[Array, " p"], acceleration: Float[Array, " n"]) -> Float[Array, " p"]:
         """A tau, of friction that makes these accelerations."""
         return self.yields @ tau
+
+    def slips_caused_at_most(self, limits: tuple[Array, Array]) -> Float[Array, " p"]:
+        """|A| tau of the largest friction within limits."""
+        return jnp.abs(self.yields) @ jnp.maximum(*map(jnp.abs, limits))
+
+    def limits_at(self, tau: Float[Array, " p"], rows: Int[Array, " l"], limits: Limits) -> tuple[Array, Array]:
+        """Limits at loads that this friction causes."""
+        return limits(self.response.unit.multipliers[rows] @ tau)
 
     def hold(
         self, stick: Bool[Array, " p"], pull: Float[Array, " p"], sizes: Float[Array, " p"]
@@ -133,7 +146,8 @@ class Linear(NamedTuple):
 class LinearMaps(NamedTuple):
     """The equations of a large mechanism, where E, A and what unit friction causes are maps.
 
-    `mobility` is a size of A, as lengths, were the bodies free; with some mass for those that lack it.
+    `mobility` is a size of A, as lengths, were the bodies free; with some mass for those that lack it. Which slips are
+    free, and what friction causes at most, no map tells: all are, and nothing.
     """
 
     response: LinearResponse
@@ -149,8 +163,18 @@ class LinearMaps(NamedTuple):
         """What unit friction causes."""
         return self.response.unit
 
+    @property
+    def free(self) -> Bool[Array, " p"]:
+        return jnp.ones_like(self.rate, bool)
+
     def slips_caused(self, tau: Array, acceleration: Array) -> Float[Array, " p"]:
         return self.unit.slips(acceleration - self.response.free.acceleration)
+
+    def slips_caused_at_most(self, limits: tuple[Array, Array]) -> Float[Array, " p"]:
+        return jnp.zeros_like(self.rate)
+
+    def limits_at(self, tau: Array, rows: Array, limits: Limits) -> tuple[Array, Array]:
+        return jnp.zeros_like(tau), jnp.zeros_like(tau)
 
     def inverse(self, stick: Array, sizes: Array, rounding: ArrayLike = 0.0) -> LinearMap:
         """From accelerations of slips that stick to the least friction; it takes a rounding of them, as lengths, for

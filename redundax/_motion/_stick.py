@@ -93,11 +93,9 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    enough = held * size
-    if isinstance(linear, Linear):  # where no load pulls along slips, these parts are rounding
-        most = jnp.maximum(*map(jnp.abs, limits))
-        caused_at_most = equations.slip_size * (jnp.abs(linear.yields) @ most)
-        enough = jnp.maximum(enough, tolerance_of(_EASY, linear.rate) * caused_at_most)
+    caused_at_most = equations.slip_size * linear.slips_caused_at_most(limits)
+    # where no load pulls along slips, these parts are rounding
+    enough = jnp.maximum(held * size, tolerance_of(_EASY, linear.rate) * caused_at_most)
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     if equations.directions is not None:
         pulled = jnp.abs(acceleration) * equations.slip_size
@@ -126,11 +124,9 @@ def _prescribed(
 ) -> tuple[Bool[Array, " p"], AnyLinear]:
     """Which joints are still, and the equations; where constraints alone prescribe slips, none of those that move, and
     none begins to slip by the little that the dense output of a step leaves of rates."""
-    still = equations.still(linear.rate)
-    if not isinstance(linear, Linear):
-        return still, linear
+    still, free = equations.still(linear.rate), linear.free
     rate, pull = (jnp.abs(x) * equations.slip_size for x in (linear.rate, linear.slip))
-    moves, free = rate > _MOVES * equations.speed, jnp.diagonal(linear.yields) > 0
+    moves = rate > _MOVES * equations.speed
     begins = moves | (pull > jnp.maximum(rate**2 / equations.scaling.size, least))  # what rates alone cause is none
     still = still & equations.whole(free | ~moves)
     return still, linear._replace(slip=jnp.where(free | begins, linear.slip, 0.0))
@@ -188,9 +184,7 @@ def _at_rest(
 
     tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
     found = linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)
-    if not isinstance(linear, Linear):
-        return found, (jnp.zeros_like(rate), jnp.zeros_like(rate))
-    return found, limits(linear.response.unit.multipliers[rows] @ found.tau)
+    return found, linear.limits_at(found.tau, rows, limits)
 
 
 def _held_by(
