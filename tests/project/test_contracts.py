@@ -58,7 +58,7 @@ def answers(mechanism, state, u):
 @jax.jit
 def _values(mechanism, state, loads, rate):
     groups, at, kinds = mechanism.friction, 0, ("friction", "twice", "sum", "beside")
-    found = {name: [] for name in (*kinds, "bound", "slips")}
+    found = {name: [] for name in (*kinds, "bound", "slips", "alone")}
     beside = jnp.flip(loads)
     for group in groups:
         own = slice(at, at := at + len(group.slips))
@@ -67,6 +67,9 @@ def _values(mechanism, state, loads, rate):
         forces = jax.vmap(lambda rho, force=force: force(rho))(jnp.stack([one, 2 * one, one + other, other]))
         for name, part in zip(kinds, forces, strict=True):
             found[name].append(part)
+        units = jnp.eye(one.size).reshape(one.size, *one.shape)
+        alone = jax.vmap(lambda rho, force=force: jnp.sum(jnp.abs(force(rho))))(units)
+        found["alone"].append(jnp.zeros_like(loads).at[group.rows].set(alone.reshape(one.shape)))
         found["slips"].append(group.slip(state.q, state.t))
         found["bound"].append(group.largest_change(other, rate[own], None, state))
     return {
@@ -75,6 +78,7 @@ def _values(mechanism, state, loads, rate):
         "jacobian": mechanism.jacobian(state.q, state.t),
         "coordinates": mechanism.joint_coordinates.positions(state),
         "load": mechanism.load(state),
+        "alone": sum(found.pop("alone")),
         **{name: jnp.concatenate(parts) for name, parts in found.items()},
     }
 
@@ -156,6 +160,39 @@ def broken_claims(mechanism, found):
     return [
         label for label, wrong in zip(mechanism.slips.labels, change | convex & (bent | scaled), strict=True) if wrong
     ]
+
+
+def deaf_rows(mechanism, found):
+    """Rows of joints that rub whose load alone rubs nowhere."""
+    rubs = np.zeros(len(mechanism.rows), bool)
+    rubs[np.concatenate([np.ravel(group.rows) for group in mechanism.friction])] = True
+    return [mechanism.rows.labels[k] for k in np.flatnonzero(rubs & (found["alone"] == 0))]
+
+
+@each_frame
+def test_each_load_of_a_joint_that_rubs_presses(frame):
+    mechanism, _, _, found = known(frame)
+    assert deaf_rows(mechanism, found) == []
+
+
+def misnamed_rows(mechanism, state, found):
+    """Rows of forces that are not along the axis of their name."""
+    axes, out = np.asarray(mechanism.poses(state.q).axes[1]), []
+    for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
+        own = stack.element.axes_on("j")
+        labels = [f"{name}.{word}" for name in names for word in ("radial_1", "radial_2", "axial")]
+        for k, label in enumerate(labels if own is not None else ()):
+            if label in mechanism.rows.labels:
+                force = found["jacobian"][mechanism.rows.labels.index(label), :3]  # by the velocity of body i
+                along = np.abs(force @ axes @ np.asarray(own)[k // 3])
+                out += [label] * (not np.allclose(along, np.eye(3)[k % 3], atol=1e-9))
+    return out
+
+
+def test_forces_are_along_the_axes_that_their_rows_name():
+    """As `joint_wrench` promises and pictures and contacts read them; a row along something else has another name."""
+    mechanism, state, _, found = known("space")
+    assert misnamed_rows(mechanism, state, found) == []
 
 
 @each_frame
@@ -286,14 +323,18 @@ def press():
 
 @pytest.mark.parametrize("kind", contracts.CLOSURES, ids=lambda kind: kind.__name__)
 def test_closures_give_compliance_and_misfit(kind):
-    """Symmetric and nowhere negative, positive on the self-stress; constant if they say so; the same by place."""
+    """Symmetric and nowhere negative, positive on the self-stress; constant if they say so; the same by place, and
+    where matrices are sparse."""
     mechanism, state = press()
     closure, there = contracts.CLOSURES[kind](mechanism), mechanism.state(phi=2.0, rate=1.0)
     W, d = map(np.asarray, closure.compliance(mechanism, state))
+    entries, misfit = map(np.asarray, closure.by_joint(mechanism.sparse(), state))
+    np.testing.assert_allclose(entries[:, 0], np.diag(W), rtol=1e-14)
+    np.testing.assert_array_equal(misfit, d)
     assert W.shape == (12, 12) and d.shape in ((), (12,))
     np.testing.assert_allclose(W, W.T, rtol=0, atol=1e-12 * np.abs(W).max())
     assert np.linalg.eigvalsh(W).min() >= -1e-12 * np.abs(W).max()
-    N = np.linalg.svd(np.asarray(mechanism.jacobian(state.q, state.t)))[0][:, -3:]
+    N = np.linalg.svd(np.asarray(mechanism.jacobian(state.q, state.t)))[0][:, -1:]  # of one redundant row
     assert np.linalg.eigvalsh(N.T @ W @ N).min() > 1e-12 * np.abs(W).max()
     other = closure.compliance(mechanism, there)
     same = np.array_equal(other[0], W) and np.array_equal(other[1], d)
@@ -330,13 +371,13 @@ class Hook(rs.AbstractPlacedJoint):
 
 
 class Rule(rs.AbstractPlacedJoint):
-    """An offset that is called a moment, in rows of a name that nobody knows."""
+    """An offset that is called a moment, in a row of a name that nobody knows, beside one that has a known name."""
 
-    row_kinds = (("askew", "moment"),)
+    row_kinds = (("axial", "force"), ("askew", "moment"))
     __init__ = rs.AbstractPlacedJoint.__init__
 
     def residual(self, i, j, t):
-        return self.relative(i, j).offset[:1]
+        return self.relative(i, j).offset[::-2]
 
 
 class Brake(rs.AbstractFrictionalJoint):
@@ -357,7 +398,7 @@ class Brake(rs.AbstractFrictionalJoint):
 
 
 class BallOnCircle(rs.AbstractPlacedJoint):
-    """A ball on a circle about the axis of body j, which its centre meets on x: a joint that keeps all laws."""
+    """A ball on a circle about the axis of body j: it keeps all laws but that its force turns with the ball, off x."""
 
     row_kinds = (("radial_1", "force"), ("axial", "force"))
     radius: jax.Array
@@ -397,4 +438,5 @@ def test_parts_that_break_a_law_are_found():
     assert broken_axes(small) == ["Hook"]
     assert broken_units(small, here, there, 10.0) == ["Rule.askew", "Brake"]
     assert broken_claims(small, here) == ["Brake"]
+    assert misnamed_rows(small, state, here) == ["Circle.radial_1"]
     assert unknown_pictures(small, state) == ["Rule"]

@@ -268,6 +268,8 @@ def _locked(element: AbstractJoint, flat: bool, is_placed: bool) -> tuple[bool, 
     """What a joint locks: offsets across its axis, along it, tilts of it and turns about it."""
     rows = frozenset(name for name, _ in element.row_kinds)
     if not flat:
+        if not rows <= frozenset().union(*_WAYS):
+            return _NONE
         across, along, tilt, twist = (way <= rows for way in _WAYS)
         return across, along, tilt, twist
     if "perpendicular" in rows and not is_placed:
