@@ -1,5 +1,6 @@
 """The reference pages: every public name on one of them, code that runs, and plain words in all that users read."""
 
+import ast
 import inspect
 import json
 import re
@@ -21,6 +22,15 @@ def test_every_public_name_is_on_one_page():
     )
     assert set(listed) == public
     assert [name for name, times in listed.items() if times > 1] == []
+
+
+def test_what_has_an_example_for_users_is_public():
+    """A part that is written and not made public is found by nothing else."""
+    kinds = ast.ClassDef | ast.FunctionDef
+    modules = [ast.parse(path.read_text(encoding="utf8")) for path in Path(rx.__file__).parent.rglob("*.py")]
+    parts = [part for module in modules for part in module.body if isinstance(part, kinds)]
+    shown = {part.name for part in parts if "??? example" in (ast.get_docstring(part) or "")}
+    assert shown - {name for of in ROOMS.values() for name in dir(of)} == set()
 
 
 def test_every_page_and_notebook_is_linked():
