@@ -111,7 +111,7 @@ def assemble(
     qd = _without_prime("qd", qd) if isinstance(qd, Mapping) else qd
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t, "t")
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
-    one_number("t", t)
+    one_number("t", t, "Call it for each, or use jax.vmap.")
     positions, rates = _each_a_number("positions", positions), _each_a_number("rates", rates)
     dtype, labels = xp.result_type(q, qd, *own), given_axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]

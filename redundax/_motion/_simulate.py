@@ -176,7 +176,7 @@ def simulate(
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
     t1 = cast(Array, floats(t1, "t1").astype(state.qd.dtype))
-    one_number("t1", t1)
+    one_number("t1", t1, "Give the end, and times of the motion as `ts`.")
     given = cast(Array, (_evenly(state.t, t1) if ts is None else floats(ts, "ts")).astype(t1.dtype))
     check_times(state.t, t1, given)
     bounces = _restitution(system, restitution, stabilisation, rank)
@@ -293,7 +293,7 @@ def _check(
         _check_chart(system, state)
     for name, value in (("rtol", rtol), ("dt0", dt0)):
         if value is not None:
-            one_number(name, as_float(value, name))
+            one_number(name, as_float(value, name), "Give one for the motion.")
             positive(name, as_float(value, name))
     if rtol is None and dt0 is None:
         raise RedundaxError(

@@ -78,7 +78,7 @@ def identify(
     did not has the least misfit, and `throw` says so.
     """
     data, sigma = _checked(measured, noise, parameters, starts, max_steps)
-    one_number("rtol", as_float(rtol, "rtol"))
+    one_number("rtol", as_float(rtol, "rtol"), "Give one for all.")
     positive("rtol", as_float(rtol, "rtol"))
     check_call("predict", predict, **parameters)
     shapes = tuple((name, one.shape) for name, one in parameters.items())

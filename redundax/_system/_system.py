@@ -551,7 +551,7 @@ def _length_of(length: ArrayLike | None, coordinates: Axis, units: StatedUnits) 
             "Argument `length` must be left out where coordinates are angular: rows tell it there. Leave it out."
         )
     size = as_float(length, "length")
-    one_number("length", size)
+    one_number("length", size, "Give one for all.")
     finite("length", size)
     positive("length", size)
     return size

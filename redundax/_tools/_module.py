@@ -340,10 +340,10 @@ def as_matrix(argument: str, value: Numbers, size: int, owner: str = "") -> Floa
     return on_device(array if array.ndim == 2 else array * numpy_of(array).eye(size, dtype=array.dtype))
 
 
-def one_number(name: str, value: Array | np.ndarray) -> None:
+def one_number(name: str, value: Array | np.ndarray, advice: str = "Make one part for each.") -> None:
     """Refuse several numbers for one."""
     if value.shape != ():
-        raise RedundaxError(f"Argument `{name}` must be a number, but has shape {value.shape}. Make one part for each.")
+        raise RedundaxError(f"Argument `{name}` must be a number, but has shape {value.shape}. {advice}")
 
 
 def not_negative(name: str, value: Array) -> None:

@@ -262,6 +262,7 @@ def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
         rx.units.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
         ```
     """
+    check_kind("state", state, State, "a state", "Give that first, then its system.")
     check_system_at(system, state)
     _check(system, units)
     return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
