@@ -14,6 +14,7 @@ import pytest
 import redundax as rx
 from redundax._equations._kinematics import along_motion, slip_motion
 from redundax._models._choice import _WORDS
+from redundax._models._kinds import KINDS
 from redundax._models._stress import AXES
 from redundax._tools._module import replace_fields
 from redundax.plot._draw import _symbols
@@ -93,10 +94,9 @@ def test_names_of_rows_coordinates_and_slips(frame):
     assert set(mechanism.rows.kinds) == {"force", "moment"}
 
 
-def test_rows_in_space_have_the_names_that_audits_and_pictures_read():
-    """Those of `Distance` are along its own line, and files have neither that nor wheels."""
+def test_rows_of_joints_of_files_have_words_and_axes():
     names = {label.rpartition(".")[2] for label in known("space")[0].rows.labels}
-    assert set(_WORDS) == set(AXES) == names - {"distance", "normal", "along", "across"}
+    assert set(_WORDS) == set(AXES) == {row for kind in KINDS.values() for row in kind.rows} <= names
 
 
 @each_frame

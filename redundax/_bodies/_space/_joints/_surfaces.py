@@ -19,29 +19,29 @@ from .._overlap import Overlap
 from .._placement import Placement
 
 
-def _along_rows(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+def along_rows(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     """Each row presses as it is called."""
     radial, bend = (picked(multipliers, rows, (f"{name}_1", f"{name}_2")) for name in ("radial", "bend"))
     axial, twist = picked(multipliers, rows, ("axial", "twist"))
     return ContactLoad(radial, axial, bend, twist)
 
 
-def _any_way(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+def any_way(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     """A ball is pressed by its force, wherever it points."""
     zero, none = jnp.zeros((), multipliers.dtype), jnp.zeros(2, multipliers.dtype)
     return ContactLoad(picked(multipliers, rows, ("radial_1", "radial_2", "axial")), zero, none, zero)
 
 
-def _on_a_point(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+def on_a_point(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     """A point is pressed by its force on the table alone."""
     zero, none = jnp.zeros((), multipliers.dtype), jnp.zeros(2, multipliers.dtype)
     (axial,) = picked(multipliers, rows, ("axial",))
     return ContactLoad(jnp.stack([axial, zero]), zero, none, zero)
 
 
-def _on_a_table(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+def on_a_table(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     """A plate is pressed so, and by moments at both sides, about any axis along the table."""
-    point, bend = _on_a_point(multipliers, rows), picked(multipliers, rows, ("bend_1", "bend_2"))
+    point, bend = on_a_point(multipliers, rows), picked(multipliers, rows, ("bend_1", "bend_2"))
     return point._replace(bend=jnp.stack([point.twist, safe_norm(bend)]))
 
 
@@ -62,7 +62,7 @@ class Surfaces(NamedTuple):
     axial: str = ""
     twist: str = ""
     may_overlap: bool = False
-    pressed: Callable[[Array, Sequence[Row]], ContactLoad] = _along_rows
+    pressed: Callable[[Array, Sequence[Row]], ContactLoad] = along_rows
     arms: Callable[[Array], Sequence[Array]] = lambda radius: [jnp.ones_like(radius)]
 
     @property
@@ -76,11 +76,11 @@ SLEEVE = Surfaces(
     "shaft_radius", bend="bearing_length", may_overlap=True, arms=lambda radius: [radius, jnp.ones_like(radius)]
 )
 GUIDE = Surfaces(bend="guide_length", twist="twist_radius", may_overlap=True)
-BALL = Surfaces("ball_radius", True, pressed=_any_way, arms=lambda radius: [jnp.ones_like(radius)] * 3)
+BALL = Surfaces("ball_radius", True, pressed=any_way, arms=lambda radius: [jnp.ones_like(radius)] * 3)
 PLATE = Surfaces(
-    "spin_radius", bend="plate_length", pressed=_on_a_table, arms=lambda radius: [*[jnp.ones_like(radius)] * 2, radius]
+    "spin_radius", bend="plate_length", pressed=on_a_table, arms=lambda radius: [*[jnp.ones_like(radius)] * 2, radius]
 )
-POINT = Surfaces(pressed=_on_a_point, arms=lambda one: [one] * 2)
+POINT = Surfaces(pressed=on_a_point, arms=lambda one: [one] * 2)
 THREAD = Surfaces("thread_radius", bend="bearing_length")
 
 
