@@ -6,7 +6,7 @@ import pathlib
 from collections.abc import Callable
 from importlib import metadata
 
-from .._models._formats import MODELS
+from .._models._formats import MODELS, NAMES
 from .._tools._cache import LIMIT
 from ..plot._page._formats import FORMATS
 
@@ -106,7 +106,7 @@ def _audit(add: Callable[..., argparse.ArgumentParser]) -> argparse.ArgumentPars
     """Add the command on models from files."""
     examination = add(
         "audit",
-        help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT, USD or yours",
+        help=f"what is redundant in a model from a file: {NAMES} or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
         "unique, and what to release; at several positions, which must agree.",
         epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "

@@ -41,6 +41,7 @@ FORMATS = (
     Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
     Format("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, _: read_usd(path), first=FIRST),
 )
+NAMES = ", ".join(form.name for form in FORMATS)
 MODELS = tuple(ending for form in FORMATS for ending in form.endings)
 _WORDS = [f"{form.name} ({form.endings[0]})" for form in FORMATS]
 _READ = f"{', '.join(_WORDS[:-1])} and {_WORDS[-1]} are read"
