@@ -27,9 +27,10 @@ def along_rows(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
 
 
 def any_way(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
-    """A ball is pressed by its force, wherever it points."""
+    """A ball or a bead is pressed by its force, wherever it points."""
     zero, none = jnp.zeros((), multipliers.dtype), jnp.zeros(2, multipliers.dtype)
-    return ContactLoad(picked(multipliers, rows, ("radial_1", "radial_2", "axial")), zero, none, zero)
+    forces = [name for name, kind in rows if kind == "force"]
+    return ContactLoad(picked(multipliers, rows, forces), zero, none, zero)
 
 
 def on_a_point(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
