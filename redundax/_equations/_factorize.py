@@ -32,6 +32,7 @@ from ._rank import split
 from ._response import AbstractSolvedFactorisation
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
+from ._scaling import Scaling
 from ._sparse_factorisation import sparse_factorised
 
 _NEAR = 0.575  # power of the rounding, 1e-9 in float64: relative singular values that are none where it is singular
@@ -136,11 +137,10 @@ def _on_branch(
     freedom = n - factor.spectrum.rank - more.states
     response, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept)
     a, mu = refined(more.matrix, mass, more.inverse, response, (force, more.wanted))
-    qd = state.qd / scales.coordinates
-    found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached_by(mass, force, a, scales.size))
+    motion = _scaled_motion(state, scales, gamma, a, reached_by(mass, force, a, scales.size))
     evidence = {
         "decision": more.decision,
-        "touching": singularity_of(system, state, found, more.parts, position, scales),
+        "touching": singularity_of(system, state, motion, more.parts, position, scales),
         "contradiction": more.contradiction(a),
     }
     lasting = xp.linalg.norm(more.parts.stress, axis=1) > noise[0] / more.kept
@@ -151,7 +151,7 @@ def _on_branch(
     )
     decides = functools.reduce(operator.and_, (passed for passed, _ in branch.checks))
     branch = replace_fields(branch, count=xp.where(decides, branch.count, 0))
-    centripetal = xp.max(xp.abs(qd)) ** 2 / scales.size
+    centripetal = xp.max(xp.abs(motion.qd)) ** 2 / scales.size
     found = replace_fields(
         factor,
         spectrum=replace_fields(factor.spectrum, kept=stop_gradient(more.kept)),
@@ -172,8 +172,13 @@ def _last_alone(system: AbstractSystem, state: State, factor: Factorisation, los
     scales, position, gamma = factor.scaling, factor.violation.position, factor.gamma / factor.row_scale
     parts, spectrum = split(xp.where(lost[:, None], 0.0, factor.scaled), position, None)
     stress = xp.where(lost | lost[:, None], 0.0, parts.stress)
-    a, qd = factor.acceleration / scales.coordinates, state.qd / scales.coordinates
+    a = factor.acceleration / scales.coordinates
     reached = reached_by(factor.scaled_mass, scales.coordinates * factor.load, a, scales.size)
-    found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached)
-    changes = singularity_of(system, state, found, parts._replace(stress=stress), position, scales)
+    motion = _scaled_motion(state, scales, gamma, a, reached)
+    changes = singularity_of(system, state, motion, parts._replace(stress=stress), position, scales)
     return spectrum.decision.is_yes & changes.is_no
+
+
+def _scaled_motion(state: State, scales: Scaling, gamma: Array, acceleration: Array, reached: Array) -> ScaledMotion:
+    """The motion at a closed state with these accelerations, as far as `singularity_of` reads it."""
+    return ScaledMotion(state.qd / scales.coordinates, 0.0 * gamma, gamma, 0.0 * gamma, acceleration, reached)

@@ -51,7 +51,7 @@ def decided(
 
 
 def with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
-    """With the least singular value of the rows that count for `kept`, by inverse iteration."""
+    """The same with `kept` the least singular value of the rows that count, by inverse iteration."""
     stress = jax.lax.stop_gradient(stress)
     start = stress.kept * jnp.asarray(np.cos(np.arange(stress.kept.size) ** 2), stress.kept.dtype)
 

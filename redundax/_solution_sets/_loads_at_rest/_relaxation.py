@@ -1,15 +1,15 @@
 """Linear programmes that hold all that is possible over cones of loads, or only what is possible beside some loads."""
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import scipy.optimize
 import copy
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ._programme import KEPT, NOTHING, TOLERANCE, Optimum, Programme, Rays, Row
+
+if TYPE_CHECKING:
+    import scipy.optimize
 
 _PART = 0.3  # of what splits keep out, which is worth a plane
 _ROUNDING = 1e-10  # of loads that depend on each other, relative to the largest
