@@ -209,6 +209,11 @@ def seats_of(
 
 def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayLike, ...]:
     given = figures if isinstance(figures, tuple) else (figures,)
+    if isinstance(figures, AbstractJointCompliance):
+        raise RedundaxError(
+            f"Argument `joints` must have numbers by name of joint, but has a {type(figures).__name__} for '{name}'. "
+            "Give these as a list: they have names of their own."
+        )
     if len(given) not in (1, 2):
         raise RedundaxError(
             f"Argument `joints` must have one compliance for '{name}', or a pair of that of translation and that of "

@@ -69,6 +69,10 @@ KINDS = {
         "`pin_radius` of joint 'A' must not be neg",
     ),
     "compliances": (lambda: rx.ElasticJoints(PENDULUM, ["A"]), "`joints` must be compliances of joints alone"),
+    "compliances by name": (
+        lambda: rx.ElasticJoints(PENDULUM, {"A": rx.JointCompliance("A", 1e-8)}),
+        "`joints` must have numbers by name of joint, but has a JointCompliance for 'A'. Give these as a list",
+    ),
     "a load": (lambda: rx.limit_load(PENDULUM, STATE, 1.0), "`load` must be generalised forces by name"),
     "a load of a mechanism": (
         lambda: rx.limit_load(PENDULUM, STATE, [rx.AppliedForce("rod", (1.0, 0.0))]),
