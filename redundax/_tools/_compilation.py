@@ -16,6 +16,8 @@ from typing import ParamSpec, TypeVar
 import equinox as eqx
 import jax
 import jax.core
+from jax.extend.core import jaxpr_as_fun
+from jaxtyping import PyTree
 
 from ._waiting import tell_of_long_compiling
 
@@ -95,6 +97,20 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False, in_order: boo
             return inside(*arguments, **named)
 
     return run
+
+
+class OfArrays:
+    """A function with arguments of one structure as a program of their arrays, as what else they hold takes a third of
+    the time of a short call."""
+
+    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], named: dict[str, PyTree]):
+        with in_little_time(True), of_one_sample(True):
+            closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments, **named)
+        self.structure = jax.tree.structure(of_arrays)
+        self.run = jax.jit(functools.wraps(function)(jaxpr_as_fun(closed)), compiler_options=quick_options())
+
+    def __call__(self, arrays: list[PyTree]) -> PyTree:
+        return eqx.combine(jax.tree.unflatten(self.structure, self.run(*arrays)), self.others)
 
 
 @functools.cache

@@ -34,7 +34,7 @@ from jax.extend.core import jaxpr_as_fun
 from jax.typing import DTypeLike
 from jaxtyping import Array, PyTree
 
-from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
+from ._compilation import OfArrays, compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
 from ._computing import computing, is_computing
 from ._interpreted import Interpreted, count
 from ._value import flattened, is_model
@@ -400,7 +400,7 @@ def on_numbers(
     compiles it where arguments are, `once` or `once_in_reverse` (`_derivatives`) in little time for a derivative alone.
     """
     inside = (traced or eqx.filter_jit)(function) if jit else function
-    calls, recent = collections.Counter[int](), collections.OrderedDict[Hashable, _Program]()
+    calls, recent = collections.Counter[int](), collections.OrderedDict[Hashable, OfArrays]()
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
@@ -415,7 +415,7 @@ def on_numbers(
             if calls[hash(key)] > OFTEN:
                 try:
                     with jax.core.eval_context():
-                        out = _kept(recent, key, lambda: _Program(function, arguments, named))(arrays)
+                        out = _kept(recent, key, lambda: OfArrays(function, arguments, named))(arrays)
                 except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
                     return inside(*arguments, **named)
                 return as_numbers(out) if within else out
@@ -426,20 +426,6 @@ def on_numbers(
         return out if within else as_arrays(out)
 
     return run
-
-
-class _Program:
-    """A function with arguments of one structure as a program of their arrays, as what else they hold takes a third of
-    the time of a short call."""
-
-    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], named: dict[str, PyTree]):
-        with in_little_time(True), of_one_sample(True):
-            closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments, **named)
-        self.structure = jax.tree.structure(of_arrays)
-        self.run = jax.jit(functools.wraps(function)(jaxpr_as_fun(closed)), compiler_options=quick_options())
-
-    def __call__(self, arrays: list[Numeric]) -> PyTree:
-        return eqx.combine(jax.tree.unflatten(self.structure, self.run(*arrays)), self.others)
 
 
 def asked_of_model(function: Callable[P, T]) -> Callable[P, T]:

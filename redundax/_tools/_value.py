@@ -21,15 +21,23 @@ class AbstractModule(eqx.Module):
 
     It is shown with its figures, where these are few and known."""
 
+    __slots__ = ("found_out",)  # of `found_once`
+
     if not TYPE_CHECKING:
         __getattribute__ = object.__getattribute__
 
     def __repr__(self) -> str:
         return eqx.tree_pformat(jax.tree.map(_shown, self))
 
+    def __getstate__(self) -> dict[str, PyTree]:
+        """Copies have the fields alone, and find out the rest by themselves."""
+        return dict(vars(self))
+
 
 class found_once(property):
-    """A property of what does not change, found out when it is first asked for."""
+    """A property of a module that does not change, found out when it is first asked for.
+
+    It is kept beside the fields: Equinox takes a module with more in its `__dict__` for one of another structure."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
@@ -37,7 +45,10 @@ class found_once(property):
     def __get__(self, instance: PyTree, owner: type | None = None) -> PyTree:
         if instance is None:
             return self
-        found = vars(instance)
+        try:
+            found = instance.found_out
+        except AttributeError:
+            object.__setattr__(instance, "found_out", found := {})
         if self._name not in found:
             found[self._name] = property.__get__(self, instance, owner)
         return found[self._name]
@@ -47,10 +58,6 @@ class AbstractModel(AbstractModule):
     """A part of the model, whose numbers programs alone read; what depends on it alone is found out once."""
 
     is_model: ClassVar[bool] = True
-
-    def __getstate__(self) -> dict[str, PyTree]:
-        """Copies have the fields alone, and find out the rest by themselves."""
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
     @found_once
     def is_known(self) -> bool:

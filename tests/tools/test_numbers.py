@@ -1,5 +1,6 @@
 """Known numbers are computed by NumPy, by the same functions that are traced: few programs, the same answers."""
 
+import copy
 import sys
 import threading
 from collections.abc import Callable
@@ -340,3 +341,12 @@ def test_arrays_are_put_on_the_device_alike_by_a_program(often, monkeypatch):
     for name, x in _numbers.as_arrays(given).items():
         assert isinstance(x, jax.Array) and not x.committed and x.dtype == given[name].dtype
         np.testing.assert_array_equal(x, given[name])
+
+
+def test_what_is_found_out_of_a_mechanism_is_no_part_of_its_structure():
+    # Derivatives, and programs of users, would take the same mechanism for another one.
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    before, solver = jax.tree.structure(mechanism), rx.Continuation()
+    rx.solve(mechanism, mechanism.state(phi=0.6, rate=-1.0), solver=solver)
+    assert jax.tree.structure(mechanism) == before == jax.tree.structure(copy.deepcopy(mechanism))
+    assert jax.tree.structure(solver) == jax.tree.structure(rx.Continuation())
