@@ -94,9 +94,8 @@ def by_a_force_across(turned):
     return SPEED**2 / (2 * turned * (MU * GRAVITY) ** 2 * (SLIDES / turned + 1))
 
 
-@pytest.mark.parametrize(
-    ("turned", "mode"), [(2.0, "forward"), (0.4, "forward"), pytest.param(0.1, "reverse", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("turned", "mode"), [(2.0, "forward"), (0.4, "forward"), (0.1, "reverse")])
 def test_a_force_across_a_slide_to_a_stop(turned, mode):
     if mode == "forward":
         slope = jax.jacfwd(lambda force: slid_across(turned, force, adjoint=diffrax.ForwardMode()))(0.0)
@@ -122,6 +121,7 @@ def test_a_stop_and_what_follows_by_the_load_that_turns_a_sleeve():
     np.testing.assert_allclose(slope, difference, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [1e-8, 1e-5])
 def test_a_step_that_ends_shortly_before_a_stop(before):
     turned, how = 0.4, {"adjoint": diffrax.ForwardMode(), "jump_ts": [SPEED / (MU * GRAVITY) - before]}
