@@ -7,7 +7,8 @@
     A.fx, A_Mz, A.torque.z   the same in short
     A.angle torque           what drives that coordinate, or its force
 
-A unit in brackets behind a name is left out. Columns of other names are not used.
+A unit in brackets behind a name is left out; one that is known to be another than the model's is refused. Columns of
+other names are not used.
 """
 
 import csv
@@ -22,6 +23,7 @@ import numpy as np
 
 from .._bodies._mechanism import Mechanism
 from .._system._names import Names
+from .._system._units import factor_of
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers
 from .._tools._words import did_you_mean, ended, short
@@ -115,6 +117,7 @@ def read_log(mechanism: Mechanism, columns: Mapping[str, Numbers]) -> Log:
         raise RedundaxError(
             f"Argument `log` must have a column `t` of times, s, but has {listed_names(list(table))}. Rename one."
         )
+    _check_unit(names, time, "time")
     times = table.pop(time)
     sizes = {name: column.size for name, column in table.items() if column.size != times.size}
     if times.ndim != 1 or not times.size or sizes or np.any(np.diff(times) <= 0):
@@ -127,6 +130,8 @@ def read_log(mechanism: Mechanism, columns: Mapping[str, Numbers]) -> Log:
     for name, values in table.items():
         texts = dict.fromkeys((name, _plain(name)))
         known = next(filter(None, (_known(mechanism, coordinates, found, text, values) for text in texts)), None)
+        if known:
+            _check_unit(names, name, *_kind(names, coordinates, known, _plain(name)))
         figures += [known] if isinstance(known, Figure) else []
         unused += [] if known else [name]
     if not figures and not found.drives:
@@ -146,13 +151,47 @@ def _known(mechanism: Mechanism, coordinates: dict[str, str], log: Log, name: st
     """A load by its name; of a coordinate or drive that the log now has, whether it is one."""
     own, kept = name.rstrip("'"), (log.positions, log.rates, log.accelerations)
     if own in coordinates and len(name) - len(own) < len(kept):
-        kept[len(name) - len(own)][coordinates[own]] = values
+        _keep(kept[len(name) - len(own)], coordinates[own], name, values)
         return True
     of, _, word = name.rpartition(" ")
     if of in coordinates and word.lower() in ("torque", "force", "moment"):
-        log.drives[coordinates[of]] = values
+        _keep(log.drives, coordinates[of], name, values)
         return True
     return _figure(mechanism, name, values) or False
+
+
+def _kind(names: Names, coordinates: dict[str, str], known: Figure | bool, name: str) -> tuple[str, int]:
+    """The kind of unit of a column, and how often it is differentiated by time."""
+    if isinstance(known, Figure):
+        return known.part, 0
+    of, _, word = name.rpartition(" ")
+    own, drives = name.rstrip("'"), word.lower() in ("torque", "force", "moment") and of in coordinates
+    for axis in (names.joint_coordinates, names.coordinates):
+        label = coordinates.get(of if drives else own)
+        if label in axis.labels:
+            kind = axis.kinds[axis.labels.index(label)]
+            return ("moment" if kind == "angular" else "force", 0) if drives else (kind, len(name) - len(own))
+    return "", 0
+
+
+def _check_unit(names: Names, name: str, kind: str, rates: int = 0) -> None:
+    """Refuse a column in a unit that is known to be another than that of the model."""
+    given, own = _UNIT.search(name), names.units.of(kind, rates) if kind else ""
+    stated, wanted = (factor_of(text) if given and own else None for text in (given[1][1:-1] if given else "", own))
+    if stated and wanted and abs(stated / wanted - 1) > 1e-6:
+        raise RedundaxError(
+            f"Argument `log` must be in the units of the model, but has {short(name)} in place of {own}. Convert it."
+        )
+
+
+def _keep(columns: dict[str, np.ndarray], coordinate: str, name: str, values: np.ndarray) -> None:
+    """Keep what a column says of a coordinate, which no other may say too."""
+    if coordinate in columns:
+        raise RedundaxError(
+            f"Argument `log` must have one column for each figure, but {short(name)} is told by another column of "
+            f"'{coordinate}' too. Leave one out."
+        )
+    columns[coordinate] = values
 
 
 def listed_names(names: Sequence[str]) -> str:

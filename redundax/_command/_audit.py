@@ -34,7 +34,7 @@ from .._tools._progress import stage
 from .._tools._words import ended, printable
 from ._audit_html import check_pictures, write_page
 from ._copy import check_copy
-from ._file import FileError, blaming, load, writing
+from ._file import FileError, blaming, check_system, load, writing
 from ._output import show, tell
 from ._stops import NoStops, Stops, stops_of, stops_page
 
@@ -114,10 +114,8 @@ def _found(arguments: argparse.Namespace) -> _Found:
         raise FileError(f"'{path}' must be a model, {', '.join(MODELS)}, or FILE.py:NAME. Check its ending.")
     if arguments.release and not arguments.fix:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
-    if arguments.keyframe is not None and kind not in MODELS:
-        raise FileError("Argument `--keyframe` names a position of an MJCF file. Leave it out.")
-    if arguments.stops and kind not in MODELS:
-        raise FileError("Argument `--stops` asks for the joint limits of a file of a model. Leave it out.")
+    if kind not in MODELS:
+        check_system(arguments)
     if arguments.fix:
         with _clearly(path):
             check_copy(path, arguments.closures, arguments.fix)

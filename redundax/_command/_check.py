@@ -15,7 +15,7 @@ from .._system._state import State
 from .._tools._errors import RedundaxError
 from .._tools._progress import stage
 from ..plot._check import check as picture
-from ._file import FileError, load, writing
+from ._file import FileError, check_system, load, writing
 from ._output import show, tell
 
 _SOFT = (
@@ -62,6 +62,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[Mechanism, State, Series | p
     if arguments.run and log is not None:
         raise FileError("Argument `--run` makes a log. Leave it out, or the log.")
     if pathlib.Path(path).suffix.lower() not in MODELS:
+        check_system(arguments)
         if log is None:
             raise FileError(f"Argument `LOG` must be given for '{path}'. Name a file of CSV.")
         system, state = load(path)

@@ -23,7 +23,7 @@ from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._words import ended
 from ..plot._drive import drive as picture
-from ._file import FileError, load, writing
+from ._file import FileError, check_system, load, writing
 from ._output import show, tell
 
 
@@ -49,7 +49,7 @@ _LAWS: dict[str, Callable[..., Law]] = {
 
 def drive_file(arguments: argparse.Namespace) -> int:
     """Print what the drives of a model must give, and write it as a table and a picture; 1 without a solution."""
-    system, state = _opened(arguments.system, arguments.closures, arguments.keyframe)
+    system, state = _opened(arguments)
     here = _positions(system, state)
     given = [_law(text, system, here) for text in arguments.law]
     laws = dict(given)
@@ -83,11 +83,13 @@ def drive_file(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _opened(path: str, closures: str | None, keyframe: str | None) -> tuple[AbstractSystem, State]:
+def _opened(arguments: argparse.Namespace) -> tuple[AbstractSystem, State]:
+    path = arguments.system
     if pathlib.Path(path).suffix.lower() not in MODELS:
+        check_system(arguments)
         return load(path)
     try:
-        model = load_model(path, closures, keyframe=keyframe)
+        model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
     except (RedundaxError, OSError) as error:
         raise FileError(str(error)) from error
     return model.mechanism, model.state

@@ -1,5 +1,6 @@
 """Files of the command line: a user's Python file with a system and its state, and what is written."""
 
+import argparse
 import contextlib
 import importlib.util
 import os
@@ -41,6 +42,15 @@ def check_target(file: pathlib.Path) -> None:
         file.open("ab").close()
     if absent:
         file.unlink()
+
+
+def check_system(arguments: argparse.Namespace) -> None:
+    """Refuse, of a system from `FILE.py:NAME`, options of files of models, which it would not follow."""
+    options = {"--closures": "the loops of a URDF", "--keyframe": "a position of an MJCF file"}
+    options |= {"--run": "a run of an MJCF file", "--stops": "the joint limits of a file of a model"}
+    for option, what in options.items():
+        if getattr(arguments, option[2:], None) not in (None, False):
+            raise FileError(f"Argument `{option}` asks for {what}, but '{arguments.system}' is none. Leave it out.")
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ the factors of the multipliers. So a sweep over units needs one factorisation on
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -30,6 +31,9 @@ _MASSES = {"kg": 1.0, "g": 1e3, "t": 1e-3, "mg": 1e6, "lb": 1 / _POUND}
 _MASSES |= {"slug": 12 * _INCH / (_POUND * _GRAVITY), "slinch": _INCH / (_POUND * _GRAVITY)}  # lbf s²/ft, lbf s²/in
 _TIMES = {"s": 1.0, "ms": 1e3, "min": 1 / 60, "h": 1 / 3600}
 _FORCES = {"N": 1.0, "mN": 1e3, "µN": 1e6, "kN": 1e-3, "MN": 1e-6, "lbf": 1 / (_POUND * _GRAVITY)}
+_SYMBOLS = _LENGTHS | _ANGLES | _MASSES | _TIMES | _FORCES | {"deg": _ANGLES["°"], "Nm": 1.0, "Nmm": 1e3, "kNm": 1e-3}
+_PART = re.compile(r"([/\s·*]*)([a-zA-Zµ]+|°)?((?:\^?[23]|²|³)?)|(.)")
+_RAISED = {"^2": 2.0, "2": 2.0, "²": 2.0, "^3": 3.0, "3": 3.0, "³": 3.0}
 _POWERS = ("", "", "²")
 
 
@@ -164,6 +168,19 @@ def stated(units: Units | None) -> StatedUnits:
 def with_unit(text: str, unit: str) -> str:
     """A text and the unit of what it names, if that is known."""
     return f"{text}, {unit}" if unit else text
+
+
+def factor_of(text: str) -> float | None:
+    """By how much numbers in a unit are those in SI, of products and powers of symbols as in "N mm" or "deg/s^2"; None
+    where one is not known."""
+    factor, power = 1.0, 1.0
+    for sign, symbol, raised, other in _PART.findall(text):
+        if other or (symbol and symbol not in _SYMBOLS):
+            return None
+        power = -1.0 if "/" in sign else power
+        if symbol:
+            factor *= _SYMBOLS[symbol] ** (power * _RAISED.get(raised, 1.0))
+    return factor
 
 
 def _name(factor: float, names: Mapping[str, float]) -> str:

@@ -133,6 +133,7 @@ def test_a_closure_and_bounds_stand_beside_what_is_open(door):
         ({"hinge 2 force x on door": np.full(9, np.nan)}, "must hold finite numbers"),
         ({"hinge 2 force x on door": ["a"] * 9}, "must hold numbers"),
         ({"hinge 2 force x on door": np.zeros(4)}, "has another size"),
+        ({"hinge 1": TIMES}, "'hinge 1' is told by another column of 'hinge 1.angle' too"),
     ],
 )
 def test_logs_that_do_not_fit_are_told_in_a_line(door, change, told):
@@ -174,6 +175,27 @@ def test_files_are_read_with_units_short_names_and_decimal_commas(door, tmp_path
     (tmp_path / "log.csv").write_text("\n".join(rows), encoding="utf-8-sig")
     report = rx.check(door, tmp_path / "log.csv")
     assert report.is_right and not report.unused and len(report.names) == 19
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "own"),
+    [
+        ("t", "ms", "s"),
+        ("hinge 1.angle", "deg", "rad"),
+        ("hinge 1.angle''", "°/s²", "rad/s²"),
+        ("hinge 1 force x on door", "kN", "N"),
+        ("hinge 1.angle torque", "N*mm", "N m"),
+    ],
+)
+def test_columns_in_other_units_than_the_model_are_refused(door, column, unit, own):
+    """And those in its own, or in one that is not known, are read."""
+    for stands, is_right in ((unit, False), (own, True), ("?", True)):
+        log = {f"{name} [{stands}]" if name == column else name: values for name, values in door_log().items()}
+        if is_right:
+            assert rx.check(door, log).is_right
+        else:
+            with pytest.raises(rx.RedundaxError, match=f"in place of {own}. Convert it"):
+                rx.check(door, log)
 
 
 def test_the_command_ends_with_3_where_a_load_is_wrong(tmp_path, capsys):

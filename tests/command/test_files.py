@@ -244,6 +244,10 @@ def test_what_a_link_leads_to_is_not_written_over(monkeypatch, tmp_path, words):
         (("report", "x.urdf"), "is a model. Type `redundax audit x.urdf`"),
         (("audit", ""), "must be a model"),
         (("audit", "https://x.org/x.xml"), "is an address. Fetch the file first"),
+        (("audit", "x.py:door", "--closures", "x.yaml"), "Argument `--closures` asks for the loops of a URDF"),
+        (("check", "x.py:door", "x.csv", "--keyframe", "up"), "Argument `--keyframe` asks for a position of an MJCF"),
+        (("check", "x.py:door", "--run", "1"), "Argument `--run` asks for a run of an MJCF file"),
+        (("drive", "x.py:arm", "--law", "a=constant(1)", "--closures", "x.yaml"), "'x.py:arm' is none. Leave it out"),
     ],
 )
 def test_a_file_of_another_kind_is_told_with_what_to_do(words, told):
