@@ -8,18 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import (
-    Numbers,
-    as_float,
-    as_functions,
-    check_takes,
-    figure,
-    finite,
-    floats,
-    is_concrete,
-    part,
-    tracing,
-)
+from .._tools._module import Numbers, as_functions, check_takes, figure, finite, floats, is_concrete, part, tracing
 from .._tools._value import AbstractModule
 
 
@@ -43,9 +32,7 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
     with part(f"the driver '{name}'"):
         check_takes(argument, law, "t")
     with tracing(argument):
-        given = jax.eval_shape(
-            lambda t: as_float(law(t), f"{argument}(t)"), jax.ShapeDtypeStruct((), jnp.result_type(float))
-        )
+        given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
     shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
     if shapes != [()]:
         raise RedundaxError(

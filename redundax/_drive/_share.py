@@ -22,13 +22,15 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import as_float, check_kind, finite, positive
+from .._tools._numbers import tolerance_of
 from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
 _STIFF = 1e-7
 _ROUNDS = 12  # of the programme where friction depends on the share: each leaves a mu of the error before, or less
 _KEPT = 1e-6  # of a limit: what the stiffness of joints leaves of it
-_SETTLED = 1e-7  # of the least peak, by which forces are beyond it or below a preload once they are as it has them
+# Of the least peak, at least so many roundings: how far forces are beyond it, or below a preload, at the last step.
+_SETTLED = 1e-7, 1e2
 _STEP = 1e-3  # of a misfit, beside that which the largest force takes
 
 
@@ -148,25 +150,25 @@ class LeastPeak(AbstractModule):
 
         unit = np.broadcast_to(np.diag(1 / limits), (len(ts), len(names), len(names)))
         ways = unit @ _ways(by(without_friction, without_friction(_Misfits(norm, ts, errors)), unit) / limits[:, None])
-        beyond = np.zeros(len(ts))
+        beyond, settled = np.zeros(len(ts)), 0.0
         for _ in range(_ROUNDS):
             now = forces_of(_Misfits(norm, ts, errors))
             found = [_programme(*one, limits, least) for one in zip(now, by(forces_of, now, ways), strict=True)]
             steps, peaks = np.array([step for step, _ in found]), np.array([peak for _, peak in found])
-            beyond = _beyond(now / limits, least / limits, peaks)
-            if np.all(beyond <= _SETTLED):
+            beyond, settled = _beyond(now / limits, least / limits, peaks), tolerance_of(_SETTLED, now)
+            errors = errors + np.einsum("tdk,tk->td", ways, steps)
+            if np.all(beyond <= settled):
                 break
-            errors = errors + np.einsum("tdk,tk->td", ways, np.where(beyond[:, None] > _SETTLED, steps, 0.0))
-        said, lost = [], np.flatnonzero(beyond > _SETTLED)
+        said, lost = [], np.flatnonzero(beyond > settled)
         if lost.size:
             none = (
                 f"No share of the drives was found at {lost.size} of {len(ts)} times, first t = {ts[lost[0]]:.6g}: "
-                "joints that a preload presses may wedge by their friction."
+                "joints that the drives press may wedge by their friction."
             )
             if throw is not False:
                 raise NoSolutionError(
-                    f"{none} Give less preload, or `LeastNorm`. With `throw=False` the other times are given, and NaN "
-                    "at these."
+                    f"{none} Give less preload if there is any, or `LeastNorm`. With `throw=False` the other times are "
+                    "given, and NaN at these."
                 )
             errors[lost] = np.nan
             said.append(none)
@@ -204,7 +206,8 @@ def _beyond(share: np.ndarray, least: np.ndarray, peaks: np.ndarray) -> np.ndarr
     """By how much forces over the limits are beyond the least peaks or below the preload, relative; 0 of none."""
     short = np.where(least != 0, np.abs(least) - np.sign(least) * share, 0.0)
     beyond = np.maximum(np.abs(share).max(axis=1) - peaks, short.max(axis=1))
-    return np.nan_to_num(np.maximum(beyond, 0.0) / np.where(peaks > 0, peaks, 1.0))
+    beyond = np.maximum(beyond, 0.0) / np.where(peaks > 0, peaks, 1.0)
+    return np.where(np.all(np.isfinite(share), axis=1), np.where(np.isfinite(peaks), beyond, np.inf), 0.0)
 
 
 def _ways(by: Float[np.ndarray, "times d d"]) -> Float[np.ndarray, "times d k"]:

@@ -409,7 +409,7 @@ def on_numbers(
         if not (numbers or are_known(*given)):
             return inside(*arguments, **named)
         within = is_computing()
-        if repeats:
+        if repeats and not named:  # their order is that of the call
             arrays, kind = flattened(given)
             calls[hash(key := (*named, kind))] += 1
             if calls[hash(key)] > OFTEN:

@@ -8,7 +8,7 @@ guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 import functools
 import inspect
 from collections.abc import Callable, Sequence
-from typing import ParamSpec, SupportsIndex, TypedDict, TypeVar, cast
+from typing import ParamSpec, TypedDict, TypeVar, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -41,7 +41,7 @@ def checked(factory: Callable[P, T]) -> Callable[P, T]:
                 if kind in _ONE:
                     one_number(name, number)
             elif kind is int:
-                check_kind(name, value, SupportsIndex, "a whole number", "Give an integer.")
+                check_kind(name, value, int | np.integer, "a whole number", "Give an integer.")
         return factory(*args, **named)
 
     return made

@@ -62,7 +62,7 @@ def rolling_disc(
     centre, turn = xp.stack([zero, -radius * s, radius * c]), (tilt + zero) / 2
     disc = _disc("disc", mass, radius, centre, xp.stack([xp.cos(turn), xp.sin(turn), 0 * turn, 0 * turn]))
     rim = Wheel("rim", disc, GROUND, centre, xp.stack([zero, c, s]), radius=radius)
-    return Mechanism([disc], [rim], gravity=-gravity * xp.eye(3)[2], units=Units())
+    return Mechanism([disc], [rim], gravity=-gravity * xp.eye(3, dtype=gravity.dtype)[2], units=Units())
 
 
 @checked
@@ -119,5 +119,5 @@ def cart(
         index_of("driven", name, CORNERS, " of wheels")
     motors = [SpeedDriver(f"{name} motor", f"{name} hub.angle", speed) for name in driven]
     loads = [AppliedForce(chassis, push, point=middle)]
-    joints, down = [*hubs, *tyres], -gravity * xp.eye(3)[2]
+    joints, down = [*hubs, *tyres], -gravity * xp.eye(3, dtype=gravity.dtype)[2]
     return Mechanism([chassis, *wheels], joints, couplers=motors, loads=loads, gravity=down, units=Units())
