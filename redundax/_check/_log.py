@@ -149,35 +149,40 @@ def _plain(name: str) -> str:
 
 def _known(mechanism: Mechanism, coordinates: dict[str, str], log: Log, name: str, values: np.ndarray) -> Figure | bool:
     """A load by its name; of a coordinate or drive that the log now has, whether it is one."""
-    own, kept = name.rstrip("'"), (log.positions, log.rates, log.accelerations)
-    if own in coordinates and len(name) - len(own) < len(kept):
-        _keep(kept[len(name) - len(own)], coordinates[own], name, values)
-        return True
-    of, _, word = name.rpartition(" ")
-    if of in coordinates and word.lower() in ("torque", "force", "moment"):
-        _keep(log.drives, coordinates[of], name, values)
-        return True
-    return _figure(mechanism, name, values) or False
+    coordinate, rates = _place(coordinates, name)
+    if not coordinate:
+        return _figure(mechanism, name, values) or False
+    _keep((log.positions, log.rates, log.accelerations, log.drives)[rates], coordinate, name, values)
+    return True
+
+
+def _place(coordinates: dict[str, str], name: str) -> tuple[str, int]:
+    """The coordinate that a column is of, if any, and how often it is differentiated by time; -1 of its drive."""
+    own, (of, _, word) = name.rstrip("'"), name.rpartition(" ")
+    if own in coordinates and len(name) - len(own) < 3:
+        return coordinates[own], len(name) - len(own)
+    is_drive = of in coordinates and word.lower() in ("torque", "force", "moment")
+    return coordinates[of] if is_drive else "", -1
 
 
 def _kind(names: Names, coordinates: dict[str, str], known: Figure | bool, name: str) -> tuple[str, int]:
     """The kind of unit of a column, and how often it is differentiated by time."""
     if isinstance(known, Figure):
         return known.part, 0
-    of, _, word = name.rpartition(" ")
-    own, drives = name.rstrip("'"), word.lower() in ("torque", "force", "moment") and of in coordinates
+    coordinate, rates = _place(coordinates, name)
     for axis in (names.joint_coordinates, names.coordinates):
-        label = coordinates.get(of if drives else own)
-        if label in axis.labels:
-            kind = axis.kinds[axis.labels.index(label)]
-            return ("moment" if kind == "angular" else "force", 0) if drives else (kind, len(name) - len(own))
+        if coordinate in axis.labels:
+            kind = axis.kinds[axis.labels.index(coordinate)]
+            return ("moment" if kind == "angular" else "force", 0) if rates < 0 else (kind, rates)
     return "", 0
 
 
 def _check_unit(names: Names, name: str, kind: str, rates: int = 0) -> None:
     """Refuse a column in a unit that is known to be another than that of the model."""
     given, own = _UNIT.search(name), names.units.of(kind, rates) if kind else ""
-    stated, wanted = (factor_of(text) if given and own else None for text in (given[1][1:-1] if given else "", own))
+    if given is None or not own:
+        return
+    stated, wanted = factor_of(given[1][1:-1]), factor_of(own)
     if stated and wanted and abs(stated / wanted - 1) > 1e-6:
         raise RedundaxError(
             f"Argument `log` must be in the units of the model, but has {short(name)} in place of {own}. Convert it."

@@ -103,9 +103,9 @@ class OfArrays:
     """A function with arguments of one structure as a program of their arrays, as what else they hold takes a third of
     the time of a short call."""
 
-    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...], named: dict[str, PyTree]):
+    def __init__(self, function: Callable[..., PyTree], arguments: tuple[PyTree, ...]):
         with in_little_time(True), of_one_sample(True):
-            closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments, **named)
+            closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.structure = jax.tree.structure(of_arrays)
         self.run = jax.jit(functools.wraps(function)(jaxpr_as_fun(closed)), compiler_options=quick_options())
 

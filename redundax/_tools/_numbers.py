@@ -410,12 +410,12 @@ def on_numbers(
             return inside(*arguments, **named)
         within = is_computing()
         if repeats and not named:  # their order is that of the call
-            arrays, kind = flattened(given)
-            calls[hash(key := (*named, kind))] += 1
-            if calls[hash(key)] > OFTEN:
+            arrays, kind = flattened(arguments)
+            calls[key := hash(kind)] += 1
+            if calls[key] > OFTEN:
                 try:
                     with jax.core.eval_context():
-                        out = _kept(recent, key, lambda: OfArrays(function, arguments, named))(arrays)
+                        out = _kept(recent, kind, lambda: OfArrays(function, arguments))(arrays)
                 except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
                     return inside(*arguments, **named)
                 return as_numbers(out) if within else out
