@@ -55,7 +55,7 @@ def _tell_of_single_precision() -> None:
     )
 
 
-def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
+def floats(value: object, argument: str = "") -> np.ndarray | Array:
     """`value` as floating-point numbers: in NumPy, which compiles nothing, where they are known, else traced."""
     try:
         array = numpy_of(value).asarray(value)

@@ -8,7 +8,7 @@ guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 import functools
 import inspect
 from collections.abc import Callable, Sequence
-from typing import ParamSpec, TypedDict, TypeVar, cast
+from typing import ParamSpec, TypedDict, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,7 +29,7 @@ _ONE, _MANY = (ArrayLike, ArrayLike | None), (Numbers, Numbers | None)
 
 
 def checked(factory: Callable[P, T]) -> Callable[P, T]:
-    """The same, which refuses what is no number, several numbers for one, and no whole one, by the argument's name."""
+    """The same, which refuses by name what is no number, no whole one or no truth value, and several numbers for one."""
     kinds = {name: each.annotation for name, each in inspect.signature(factory).parameters.items()}
 
     @functools.wraps(factory)
@@ -37,11 +37,13 @@ def checked(factory: Callable[P, T]) -> Callable[P, T]:
         for name, value in (*zip(kinds, args, strict=False), *named.items()):
             kind = kinds.get(name)
             if kind in _ONE + _MANY and not (value is None and kind in (_ONE[1], _MANY[1])):
-                number = floats(cast(Numbers, value), name)
+                number = floats(value, name)
                 if kind in _ONE:
                     one_number(name, number)
             elif kind is int:
                 check_kind(name, value, int | np.integer, "a whole number", "Give an integer.")
+            elif kind is bool:
+                check_kind(name, value, bool | np.bool_, "True or False", "Give one of them.")
         return factory(*args, **named)
 
     return made

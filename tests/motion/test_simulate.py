@@ -259,7 +259,7 @@ def test_arguments_that_do_not_fit_are_refused():
     with pytest.raises(rx.RedundaxError, match="`rtol`"):
         rx.simulate(system, state, T1, solver=diffrax.Euler())
     with pytest.raises(rx.RedundaxError, match=r"`t1` must be a number.*times of the motion as `ts`"):
-        rx.simulate(system, state, [0.1, T1])
+        rx.simulate(system, state, jnp.array([0.1, T1]))
     with pytest.raises(rx.RedundaxError, match=r"jax\.vmap"):
         rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)
     for option in ("rtol", "dt0", "max_steps", "max_phases"):
