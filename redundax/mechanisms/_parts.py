@@ -29,7 +29,7 @@ _ONE, _MANY = (ArrayLike, ArrayLike | None), (Numbers, Numbers | None)
 
 
 def checked(factory: Callable[P, T]) -> Callable[P, T]:
-    """The same, which refuses by name what is no number, no whole one or no truth value, and several numbers for one."""
+    """The same, which refuses by name what is no number, whole number or truth value, and several numbers for one."""
     kinds = {name: each.annotation for name, each in inspect.signature(factory).parameters.items()}
 
     @functools.wraps(factory)
