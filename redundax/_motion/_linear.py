@@ -96,9 +96,10 @@ class Linear(NamedTuple):
         """A tau, of friction that makes these accelerations."""
         return self.yields @ tau
 
-    def slips_caused_at_most(self, limits: tuple[Array, Array]) -> Float[Array, " p"]:
-        """|A| tau of the largest friction within limits."""
-        return jnp.abs(self.yields) @ jnp.maximum(*map(jnp.abs, limits))
+    def caused_at_most(self, limits: tuple[Array, Array]) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
+        """|A| tau and |X| tau of the largest friction within limits."""
+        most = jnp.maximum(*map(jnp.abs, limits))
+        return jnp.abs(self.yields) @ most, jnp.abs(self.response.unit.acceleration) @ most
 
     def limits_at(self, tau: Float[Array, " p"], rows: Int[Array, " l"], limits: Limits) -> tuple[Array, Array]:
         """Limits at loads that this friction causes."""
@@ -147,7 +148,7 @@ class LinearMaps(NamedTuple):
     """The equations of a large mechanism, where E, A and what unit friction causes are maps.
 
     `mobility` is a size of A, as lengths, were the bodies free; with some mass for those that lack it. Which slips are
-    free, and what friction causes at most, no map tells: all are, and nothing.
+    free, and which friction causes at most, no map tells: all are, and none.
     """
 
     response: LinearResponse
@@ -170,11 +171,12 @@ class LinearMaps(NamedTuple):
     def slips_caused(self, tau: Array, acceleration: Array) -> Float[Array, " p"]:
         return self.unit.slips(acceleration - self.response.free.acceleration)
 
-    def slips_caused_at_most(self, limits: tuple[Array, Array]) -> Float[Array, " p"]:
-        return jnp.zeros_like(self.rate)
+    def caused_at_most(self, limits: tuple[Array, Array]) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
+        some = jnp.maximum(*map(jnp.abs, limits)) * _several(self.rate)
+        return jnp.zeros_like(self.rate), jnp.abs((self.unit @ some).acceleration)
 
     def limits_at(self, tau: Array, rows: Array, limits: Limits) -> tuple[Array, Array]:
-        return jnp.zeros_like(tau), jnp.zeros_like(tau)
+        return limits((self.unit @ tau).multipliers[rows])
 
     def inverse(self, stick: Array, sizes: Array, rounding: ArrayLike = 0.0) -> LinearMap:
         """From accelerations of slips that stick to the least friction; it takes a rounding of them, as lengths, for
@@ -274,9 +276,14 @@ def linear_maps_of(factor: AbstractFactorisation, asked: Asked, stress: Gram) ->
 
 def _free_mobility(unit: FrictionResponse, sizes: Float[Array, " p"], stress: Gram) -> Float[Array, ""]:
     """A size of A, as lengths, of bodies without constraints."""
-    some = sizes * jnp.cos(jnp.arange(sizes.size, dtype=sizes.dtype) ** 2)
+    some = sizes * _several(sizes)
     free = stress.rows.accelerations((unit.forces @ some)[:, None])[:, 0]
     return jnp.linalg.norm(sizes * unit.slips(free)) / jnp.linalg.norm(some)
+
+
+def _several(like: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Numbers up to 1 of both signs, which nothing that they cause cancels."""
+    return jnp.cos(jnp.arange(like.size, dtype=like.dtype) ** 2)
 
 
 def least_friction(

@@ -86,14 +86,18 @@ def mode_at(equations: Equations, state: State, held: AnyHeld, linear: AnyLinear
 
 def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[Array, ""]) -> Mode:
     """`next_mode`, given the equations at the state."""
-    sensed = jnp.asarray(equations.sensed)
+    sensed, scale = jnp.asarray(equations.sensed), equations.scaling.coordinates
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     still, linear = _prescribed(equations, linear, least)
     (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    caused_at_most = equations.slip_size * linear.slips_caused_at_most(limits)
+    slips, accelerations = linear.caused_at_most(limits)
+    moves_at_most = jnp.max(accelerations / scale)
+    # loads that press surfaces together, and that constraints bear, leave roundings of themselves
+    least = jnp.maximum(least, _HELD[1] * float(jnp.finfo(least.dtype).eps) * moves_at_most)
+    caused_at_most = equations.slip_size * slips
     # where no load pulls along slips, these parts are rounding
     enough = jnp.maximum(held * size, tolerance_of(_EASY, linear.rate) * caused_at_most)
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
@@ -104,7 +108,7 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
         sticks = sticks & ~_follows(equations.directions, holds, limits, few)
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
-    scale, free = equations.scaling.coordinates, linear.response.free.acceleration
+    free = linear.response.free.acceleration
     moved = jnp.abs(free + caused.value)
     whole = jnp.abs(free) + caused.parts
     decided, rests = decided | ~jnp.any(still), jnp.zeros((), bool)

@@ -283,6 +283,20 @@ def test_pins_of_a_cross_stick_apart():
     np.testing.assert_allclose(np.abs(run["cross.angle_1"]), 0.5 * holds / 0.1 * run.t**2 / 2, rtol=1e-5)
 
 
+def test_a_slow_plate_is_at_rest_where_it_stops():
+    """Rounding of the weight that the table bears is no acceleration, however slow it was: after v^2 / (2 mu g)."""
+    speed, mu, gravity = 0.02, 0.3, 10.0
+    body = rx.spatial.Body("body", 2.0, inertia=(1.0, 1.0, 1.0))
+    sizes = {"plate_length": 0.5, "spin_radius": 0.1, "friction": rx.Coulomb(mu)}
+    table = rx.spatial.Planar("table", body, "ground", point=(0, 0, 0), axis=(0, 0, 1), **sizes)
+    mechanism = rx.Mechanism([body], [table], gravity=(0.0, 0.0, -gravity))
+    begin = rx.State(mechanism.reference, speed * jnp.array([0.6, 0.8, 0, 0, 0, 0]))
+    run = rx.simulate(mechanism, begin, 0.5, ts=[0.5])
+    assert run.result == rx.RESULTS.stuck and not np.any(run.qd)
+    np.testing.assert_allclose(run.stats.end, speed / (mu * gravity), rtol=1e-9)
+    np.testing.assert_allclose(run.q[0, :2], speed**2 / (2 * mu * gravity) * np.array([0.6, 0.8]), rtol=1e-9)
+
+
 # Batches and derivatives ------------------------------------------------------------------------
 
 

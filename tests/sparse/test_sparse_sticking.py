@@ -29,6 +29,25 @@ def test_pendulums_on_a_mechanism_that_sticks_stop_as_each_alone():
     np.testing.assert_allclose(end, [*start[:-loops], *angles], rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
+def test_slow_slides_are_at_rest_where_they_stop():
+    """Rounding of weights that guides bear is no acceleration, however slow they were: after v / (mu g)."""
+    mu, gravity, speeds, angles = 0.3, 10.0, np.array([0.001, 0.0015]), np.array([0.3, 1.3])
+    axes = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    places = [(3.0 * k, 0.0, 0.0) for k in range(2)]
+    bodies = [rx.spatial.Body(f"slide {k}", 2.0, (1.0, 1.0, 1.0), position=place) for k, place in enumerate(places)]
+    sizes = {"guide_length": 0.5, "twist_radius": 0.1, "friction": rx.Coulomb(mu)}
+    guides = [
+        rx.spatial.Prismatic(f"guide {k}", body, "ground", point=place, axis=axis, **sizes)
+        for k, (body, place, axis) in enumerate(zip(bodies, places, axes, strict=True))
+    ]
+    mechanism = rx.Mechanism(bodies, guides, gravity=(0.0, 0.0, -gravity))
+    begin = rx.State(mechanism.reference, jnp.asarray([*(speeds[:, None] * axes).ravel(), *6 * [0.0]]))
+    run = rx.simulate(mechanism.sparse(), begin, 0.01, ts=[0.01])
+    assert run.result == rx.RESULTS.stuck and not np.any(run.qd)
+    np.testing.assert_allclose(run.stats.end, max(speeds) / (mu * gravity), rtol=1e-9)
+
+
 def moving(mechanism, state):
     """The equations of motion, the state, and what is held from there on."""
     factor = factorize(mechanism, state)
