@@ -14,6 +14,7 @@ import sys
 from functools import cache
 from unittest import mock
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mechanisms
@@ -571,8 +572,19 @@ def test_large_scene():
     assert close(found.acceleration[162:203], expected, 1e-12)
 
 
+FACTORIES = [value for value in vars(rx.mechanisms).values() if inspect.isfunction(value)]
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+def test_numbers_of_mechanisms_may_be_traced(factory):
+    for name, argument in inspect.signature(factory).parameters.items():
+        if np.asarray(argument.default).dtype == float:
+            made = eqx.filter_eval_shape(lambda x, n=name: factory(**{n: x}), jnp.asarray(argument.default))
+            assert isinstance(made, rx.Mechanism)
+
+
 @pytest.mark.skipif(os.environ.get("REDUNDAX_CHECKS") == "on", reason="checks of types refuse them first")
-@pytest.mark.parametrize("factory", [value for value in vars(rx.mechanisms).values() if inspect.isfunction(value)])
+@pytest.mark.parametrize("factory", FACTORIES)
 def test_arguments_of_mechanisms_are_refused_by_name(factory):
     for name in inspect.signature(factory).parameters:
         for wrong in ("x", None, [1, 2, 3, 4, 5]):

@@ -47,13 +47,13 @@ def door(
     - `lean`: of the axis from the vertical, rad, towards where the door hangs.
     - `gravity`: m/s^2.
     """
+    heights = several("heights", heights)
     width, height, thickness, mass, lean, gravity = (floats(x) for x in (width, height, thickness, mass, lean, gravity))
     squares = (height**2 + thickness**2, height**2 + width**2, width**2 + thickness**2)
-    xp, zero = numpy_of(width, height, thickness, mass, lean, gravity), 0.0 * width
+    xp, zero = numpy_of(heights, width, height, thickness, mass, lean, gravity), 0.0 * width
     body = Body("door", mass, mass / 12 * xp.stack(squares), centre=xp.stack([width / 2, zero, height / 2]))
     hinges = [
-        Revolute(f"hinge {k + 1}", body, GROUND, point=xp.stack([zero, zero, z + zero]))
-        for k, z in enumerate(several("heights", heights))
+        Revolute(f"hinge {k + 1}", body, GROUND, point=xp.stack([zero, zero, z + zero])) for k, z in enumerate(heights)
     ]
     down = gravity * xp.stack([xp.sin(lean), 0 * lean, -xp.cos(lean)])
     return Mechanism([body], hinges, gravity=down, units=Units())
