@@ -575,6 +575,7 @@ def test_large_scene():
 FACTORIES = [value for value in vars(rx.mechanisms).values() if inspect.isfunction(value)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factory", FACTORIES)
 def test_numbers_of_mechanisms_may_be_traced(factory):
     for name, argument in inspect.signature(factory).parameters.items():
