@@ -584,7 +584,7 @@ def test_numbers_of_mechanisms_may_be_traced(factory):
             assert isinstance(made, rx.Mechanism)
 
 
-@pytest.mark.skipif(os.environ.get("REDUNDAX_CHECKS") == "on", reason="checks of types refuse them first")
+@pytest.mark.skipif(os.environ.get("REDUNDAX_CHECKS") == "on", reason="types of calls are refused before")
 @pytest.mark.parametrize("factory", FACTORIES)
 def test_arguments_of_mechanisms_are_refused_by_name(factory):
     for name in inspect.signature(factory).parameters:

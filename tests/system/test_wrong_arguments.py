@@ -25,6 +25,10 @@ KINDS = {
         lambda: rx.solve(PENDULUM, STATE, closure="elastic"),
         "`closure` .* but is 'elastic'",
     ),
+    "system and state": (
+        lambda: rx.units.state_in_units(PENDULUM, STATE, rx.units.Units(length=0.1)),
+        "`state` must be a state.*Give that first, then its system",
+    ),
     "closure bounds": (lambda: rx.solve(PENDULUM, STATE, closure=MISFIT), "type MisfitBox.* go to `rx.band`"),
     "of a motion": (lambda: rx.simulate(PENDULUM, STATE, 1.0, closure=BOX), "`closure` .* type PreloadBox"),
     "of a report": (lambda: rx.analyze(PENDULUM, STATE, closure=1e-8), "`closure` .* but is 1e-08"),

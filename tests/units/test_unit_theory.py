@@ -92,9 +92,6 @@ def test_shapes_and_kinds_that_do_not_fit_are_refused():
         rx.units.dependence_in_units(np.ones((2, 5)), (FORCE,), INDEPENDENT, DECIMETRES)
     with pytest.raises(rx.RedundaxError, match="`dependent` must hold"):
         rx.units.dependence_in_units(np.ones((1, 5)), ("linear",), INDEPENDENT, DECIMETRES)
-    mechanism, state = loaded("guides")
-    with pytest.raises(rx.RedundaxError, match=r"`state` must be a state.*Give that first, then its system"):
-        rx.units.state_in_units(mechanism, state, DECIMETRES)
 
 
 # The certificate ----------------------------------------------------------------------------
