@@ -5,11 +5,25 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_functions, check_takes, figure, finite, floats, is_concrete, part, tracing
+from .._tools._module import (
+    Numbers,
+    as_functions,
+    check_takes,
+    figure,
+    finite,
+    floats,
+    given_by,
+    is_concrete,
+    is_real,
+    part,
+    tracing,
+)
 from .._tools._value import AbstractModule
+from .._tools._words import short
 
 
 def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str) -> Callable[[Array], Array]:
@@ -31,12 +45,16 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
         finite(argument, law.coefficients, f"the driver '{name}'")
     with part(f"the driver '{name}'"):
         check_takes(argument, law, "t")
-    with tracing(argument):
-        given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
-    shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
-    if shapes != [()]:
+        with tracing(argument):
+            given = given_by(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
+    if not is_real(given):
+        shown = f"an object of the type {type(given).__name__}"
+        if given is None or isinstance(given, str | complex):
+            shown = short(given)
+        elif isinstance(given, jax.Array | np.ndarray | np.generic):
+            shown = f"an array of shape {given.shape} and type {given.dtype}"
         raise RedundaxError(
-            f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
+            f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shown}. "
             "Give a function of time, a number, or `rx.Polynomial`."
         )
 

@@ -163,6 +163,21 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
+def given_by(function: Callable[..., object], *arguments: PyTree) -> object:
+    """What a function of the user gives where it is traced, also if JAX takes no such thing."""
+    found: list[object] = []
+    jax.eval_shape(lambda *traced: found.append(function(*traced)), *arguments)
+    return found[0]
+
+
+def is_real(value: object, shape: tuple[int, ...] = ()) -> bool:
+    """Whether a value is real numbers of a shape, which may be traced; truth values count as 0 and 1."""
+    if isinstance(value, jax.Array | np.ndarray | np.generic):
+        kinds = jnp.floating, jnp.integer, jnp.bool
+        return value.shape == shape and any(jnp.issubdtype(value.dtype, kind) for kind in kinds)
+    return not shape and isinstance(value, int | float)
+
+
 def check_takes(argument: str, function: object, *given: str) -> None:
     """Refuse a function of the user that does not take what it will be given, one after the other."""
     function = check_callable(argument, function)

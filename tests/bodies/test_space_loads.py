@@ -272,7 +272,10 @@ def test_loads_that_say_too_little_or_too_much_are_refused():
         (lambda: rx.SpringDamper("a", G, (0, 0), (0, 1), stiffness=(1.0, 2.0)), "`stiffness` must be a number"),
         (lambda: rx.TorsionSpring("a", G, stiffness=1.0, free_angle=(1.0, 2.0)), "`free_angle` must be a number"),
         (lambda: rs.AppliedForce("a", force=(1.0, 2.0)), "`force` of AppliedForce on 'a' must have 3 components"),
-        (lambda: rs.LoadFunction("a", lambda i, j, t, p: np.sin(i.velocity)), "`function` must be a function that JAX"),
+        (
+            lambda: rs.LoadFunction("a", lambda i, j, t, p: np.sin(i.velocity)),
+            "`function` of LoadFunction on 'a' must be a function that JAX",
+        ),
         (lambda: rx.Mechanism([A], [rs.Spherical("A", A, G, (0, 0, 0))], loads=[rx.AppliedForce("a")]), "all spatial"),
     ):
         with pytest.raises(rx.RedundaxError, match=words):

@@ -104,6 +104,30 @@ KINDS = {
         lambda: rx.AngleDriver("M", "rod", "ground", lambda t, p: p * t),
         r"`angle` of the driver 'M' must be a function of \(t\), but is one of \(t, p\)",
     ),
+    "a law of text": (
+        lambda: rx.AngleDriver("M", "rod", "ground", lambda t: "0.3"),
+        "`angle` of the driver 'M' must give a number at a time, but gives '0.3'",
+    ),
+    "a law of lists": (
+        lambda: rx.drive(PENDULUM, {"A.angle": lambda t: [t]}, np.linspace(0, 1, 3), {}),
+        "`laws` of the driver 'A.angle' must give a number at a time, but gives an object of the type list",
+    ),
+    "a law of complex": (
+        lambda: rx.AngleDriver("M", "rod", "ground", lambda t: 1j * t),
+        r"`angle` of the driver 'M' must give .* of shape \(\) and type complex",
+    ),
+    "a law of Python": (
+        lambda: rx.AngleDriver("M", "rod", "ground", lambda t: 0.3 if t > 1.0 else 0.0),
+        "`angle` of the driver 'M' must be a function that JAX can trace",
+    ),
+    "a load of text": (
+        lambda: rx.LoadFunction("rod", lambda i, j, t, p: (rx.Wrench("a", 0.0), rx.Wrench("a", 0.0))),
+        "LoadFunction on 'rod' must give two wrenches",
+    ),
+    "a load of complex": (
+        lambda: rx.LoadFunction("rod", lambda i, j, t, p: 2 * (rx.Wrench(1j * i.pose.r, 0.0 * t),)),
+        "LoadFunction on 'rod' must give two wrenches",
+    ),
     "a load of three": (lambda: rx.LoadFunction("rod", lambda i, j, t: None), r"\(motion_i, motion_j, t, parameters\)"),
     "no constraint": (lambda: rx.System(None, [1.0]), "`constraint` must be a function where there are no `velocity_"),
     "a constraint of one": (lambda: rx.System(lambda q: q[:1], [1.0]), r"`constraint` .* of \(q, t, parameters\)"),

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, part, tracing
+from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, given_by, is_real, part, tracing
 from .._body import GROUND, name_of
 from .._pose import Motion, Pose, Wrench
 from ._base import AbstractLoad, M, W
@@ -34,22 +34,21 @@ class AbstractLoadFunction(AbstractLoad[M, W]):
             what = "a function"
             check_kind("function", self.function, Callable, what, advice)  # pyright: ignore[reportArgumentType]
             check_takes("function", self.function, "motion_i", "motion_j", "t", "parameters")
-        with tracing("function"):
-            given = jax.eval_shape(lambda: self.function(self.still(), self.still(), jnp.zeros(()), self.parameters))
+        with part(f"{type(self).__name__} on '{self.i}'"), tracing("function"):
+            still = self.still(), self.still(), jnp.zeros(())
+            given = given_by(lambda i, j, t: self.function(i, j, t, self.parameters), *still)
         force, moment = (len(self.frame.linear),), (len(self.frame.angular),) if len(self.frame.angular) > 1 else ()
         pair = given if isinstance(given, tuple | list) else (given,)
-        found = [
-            tuple(getattr(getattr(one, name, None), "shape", None) for name in ("force", "moment")) for one in pair
-        ]
-        if found != [(force, moment)] * 2:
+        parts = (("force", force), ("moment", moment))
+        if len(pair) != 2 or not all(is_real(getattr(one, name, None), shape) for one in pair for name, shape in parts):
             raise RedundaxError(
                 f"Argument `function` of {type(self).__name__} on '{self.i}' must give two wrenches, on i and on "
-                f"j, of shapes {force} and {moment}, but gives something else. Return `i.wrench(force, point), "
-                "j.wrench(-force, point)`, say."
+                f"j, real numbers of shapes {force} and {moment}, but gives something else. Return `i.wrench(force, "
+                "point), j.wrench(-force, point)`, say."
             )
 
     def wrenches(self, i: M, j: M, t: Array) -> tuple[W, W]:
-        return self.function(i, j, t, self.parameters)
+        return jax.tree.map(jnp.asarray, self.function(i, j, t, self.parameters))
 
 
 class LoadFunction(AbstractLoadFunction[Motion, Wrench]):
