@@ -116,6 +116,18 @@ def test_turns_are_counted_by_accelerations_too_in_any_unit_of_angles(angle=180 
     np.testing.assert_allclose(motion["h.angle"], angle * np.array([0.0, 8.0, 64.0]), rtol=1e-9, atol=1e-9)
 
 
+def test_a_brake_makes_no_turns():
+    """A rotor of 2 rad/s that friction stops within 2 ms, long before it is looked at again: v^2 / 2a."""
+    rotor = rx.spatial.Body("rotor", 2.0, (0.01, 0.01, 0.01))
+    brake = {"pin_radius": 0.05, "friction": rx.ConstantFriction(200.0)}  # N: 10 N m
+    hinge = rx.spatial.Revolute(
+        "h", rotor, rx.GROUND, (0, 0, 0), (0, 0, 1), bearing_length=0.1, thrust_radius=0.05, **brake
+    )
+    mechanism = rx.Mechanism([rotor], [hinge])
+    motion = rx.simulate(mechanism, rx.assemble(mechanism, rates={"h.angle": 2.0}), 0.5, ts=[0.0, 0.5])
+    np.testing.assert_allclose(motion["h.angle"], [0.0, 0.002], rtol=1e-8)
+
+
 @pytest.mark.slow
 def test_a_body_tumbles_as_euler_says():
     """A free body, on a bearing that holds nothing of its turning, with an inertia matrix."""
