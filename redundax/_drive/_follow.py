@@ -4,8 +4,9 @@
 
 with the scaled residual r and Jacobian K. A step is taken in one piece only where Newton's method starts close and
 contracts, so that it stays on its branch: the mode of assembly is kept, and where angles turn, turns are counted. Else
-it is halved. Where halving does not help the position ends: a singular one is near, or there is none beyond. With rows
-of velocity positions depend on the way there (`_roll`).
+it is halved. Where halving does not help the position ends: a singular one is near, or there is none beyond. Where laws
+contradict each other corrections settle on a compromise, whose residual tells it. With rows of velocity positions
+depend on the way there (`_roll`).
 """
 
 from typing import NamedTuple
@@ -14,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._equations._scaling import Scaling
+from .._equations._scaling import Scaling, largest_violation
 from .._system._system import AbstractSystem
 from .._tools._numbers import as_program, chosen_of, tolerance_of
 from ._roll import rolled
@@ -45,10 +46,12 @@ class _Track(NamedTuple):
 
 
 class _Newton(NamedTuple):
-    """A position, and the scaled velocity at the one before the last correction, which is all but that."""
+    """A position, and the scaled velocity and the largest violation at the one before the last correction, which is all
+    but that."""
 
     q: Array
     rate: Array
+    off: Float[Array, ""]
     last: Float[Array, ""]
     steps: Int[Array, ""]
     good: Bool[Array, ""]
@@ -121,15 +124,15 @@ def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _N
         size = jnp.max(jnp.abs(u)) / scale.size
         begins = now.steps == 0
         limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, settled))
-        q = system.retract(now.q, scale.coordinates * u)
-        return _Newton(q, rate, size, now.steps + 1, size <= limit)  # NaN is not
+        q, off = system.retract(now.q, scale.coordinates * u), jnp.max(jnp.abs(residual)) / scale.size
+        return _Newton(q, rate, off, size, now.steps + 1, size <= limit)  # NaN is not
 
     def going(now: _Newton) -> Array:
         return now.good & (now.last > settled) & (now.steps < _CORRECTIONS)
 
     far, none = jnp.full((), jnp.inf, q.dtype), jnp.zeros(len(system.coordinates), q.dtype)
-    end = jax.lax.while_loop(going, step, _Newton(q, none, far, jnp.zeros((), int), jnp.ones((), bool)))
-    return end._replace(good=end.good & (end.last <= settled))
+    end = jax.lax.while_loop(going, step, _Newton(q, none, far, far, jnp.zeros((), int), jnp.ones((), bool)))
+    return end._replace(good=end.good & (end.last <= settled) & (end.off <= largest_violation(q.dtype)))
 
 
 def _linearised(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> tuple[Array, Array]:

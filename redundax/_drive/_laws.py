@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from .._system._law import AbstractLaw
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, figure, is_concrete, on_device, optional_float, positive
+from .._tools._module import Numbers, as_float, figure, finite, is_concrete, not_negative, on_device, positive
 from .._tools._words import short
 
 
@@ -111,7 +111,7 @@ class Trapezoid(AbstractMove):
     ):
         self.stroke, self.speed, self.acceleration = _figures(stroke=stroke, speed=speed, acceleration=acceleration)
         self.start, self.begin = _figures(start=start, begin=begin)
-        self.dwell = optional_float(dwell, "dwell")
+        self.dwell = _dwell_of(dwell)
         _check_positive(speed=self.speed, acceleration=self.acceleration)
 
     @property
@@ -163,7 +163,7 @@ class SCurve(AbstractMove):
         given = _figures(stroke=stroke, speed=speed, acceleration=acceleration, jerk=jerk)
         self.stroke, self.speed, self.acceleration, self.jerk = given
         self.start, self.begin = _figures(start=start, begin=begin)
-        self.dwell = optional_float(dwell, "dwell")
+        self.dwell = _dwell_of(dwell)
         _check_positive(speed=self.speed, acceleration=self.acceleration, jerk=self.jerk)
 
     @property
@@ -220,7 +220,7 @@ class Cycloidal(AbstractMove):
     ):
         self.stroke, self._move = _figures(stroke=stroke, move=move)
         self.start, self.begin = _figures(start=start, begin=begin)
-        self.dwell = optional_float(dwell, "dwell")
+        self.dwell = _dwell_of(dwell)
         _check_positive(move=self._move)
 
     @property
@@ -297,8 +297,11 @@ class Sampled(AbstractLaw):
                 f"Arguments `times` and `values` must hold three samples or more, at ascending times, but have shapes "
                 f"{knots.shape} and {self.values.shape}. Sort them, and give a value for each time."
             )
+        finite("times", knots)
+        finite("values", self.values)
         unit = np.eye(knots.size)
         if ends == "periodic":
+            _check_closed(self.values)
             unit[-1] = unit[0]
         self._knots, self._maps = (on_device(x) for x in (knots, CubicSpline(knots, unit, bc_type=ends).c))
 
@@ -324,10 +327,30 @@ def _figures(**given: Numbers) -> list[Array]:
     return figures
 
 
+def _dwell_of(dwell: Numbers | None) -> Array | None:
+    """Refuse one that is negative: the way back would begin before the end of the way there."""
+    if dwell is None:
+        return None
+    (value,) = _figures(dwell=dwell)
+    not_negative("dwell", value)
+    return value
+
+
 def _check_positive(**given: Array) -> None:
     for name, value in given.items():
         if is_concrete(value):
             positive(name, value)
+
+
+def _check_closed(values: Array) -> None:
+    """Refuse a cycle that does not end where it begins, by more than rounding in the digits that files have."""
+    if is_concrete(values):
+        off, size = abs(float(values[-1] - values[0])), float(np.ptp(np.asarray(values)))
+        if off > float(np.finfo(values.dtype).eps) ** 0.375 * size:
+            raise RedundaxError(
+                f"Argument `values` of a periodic law must end with its first value, but begins with {values[0]:.6g} "
+                f"and ends with {values[-1]:.6g}. Add the sample that closes the cycle."
+            )
 
 
 def _root(x: Array, order: int) -> Array:

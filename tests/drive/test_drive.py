@@ -323,6 +323,15 @@ def test_a_motion_ends_with_its_time_where_the_drive_cannot_take_it_further():
     np.testing.assert_allclose(states.q, run.q[:3], rtol=1e-13, atol=1e-14)  # by NumPy or by a program
 
 
+def test_laws_that_contradict_each_other_end_the_motion_where_all_of_it_rests_too():
+    """One end of a beam moves on by a law, the other is held: all rests at both times, with no position between."""
+    asked = gantry(), {"left.travel": rx.Cycloidal(0.05, move=1.0)}, [0.0, 1.0], {}
+    with pytest.raises(rx.NoSolutionError, match="no position follows the laws"):
+        rx.assemble_along(*asked, hold=["right.travel"])
+    states = rx.assemble_along(*asked, hold=["right.travel"], throw=False)
+    np.testing.assert_array_equal(np.isfinite(states.q).all(axis=1), [True, False])
+
+
 def test_friction_of_a_joint_that_never_slips_is_told():
     """An arm held by its drive at the elbow, which rubs, while the shoulder turns."""
     mechanism = arm(rx.Coulomb(0.1))

@@ -107,6 +107,11 @@ def test_figures_that_are_none_are_refused():
         (lambda: rx.Cycloidal([0.1, 0.2], move=1.0), "stroke"),
         (lambda: rx.Sampled([0.0, 1.0], [0.0, 1.0]), "times"),
         (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], ends="free"), "ends"),
+        (lambda: rx.Sampled([0.0, np.nan, 2.0], [0.0, 1.0, 0.0]), "times"),
+        (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, np.nan, 0.0]), "values"),
+        (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, 1.0, 0.1], ends="periodic"), "values"),
+        (lambda: rx.Trapezoid(0.3, speed=1.0, acceleration=1.0, dwell=-0.1), "dwell"),
+        (lambda: rx.Cycloidal(0.3, move=1.0, dwell=-0.1), "dwell"),
     ):
         with pytest.raises(rx.RedundaxError, match=f"`{word}`"):
             make()
