@@ -5,7 +5,7 @@ import ast
 import csv
 import inspect
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 import numpy as np
@@ -15,12 +15,15 @@ from .._drive._along import coordinates_of, values_of
 from .._drive._drive import drive
 from .._drive._laws import AbstractLaw, AbstractMove, Cycloidal, Harmonic, SCurve, Trapezoid
 from .._drive._run import Run
+from .._models._build import limited
 from .._models._formats import MODELS
-from .._models._model import load_model
+from .._models._model import Model, load_model
+from .._models._tree import DIGITS
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._module import replace_fields
 from .._tools._words import ended
 from ..plot._drive import drive as picture
 from ._file import FileError, check_system, load, writing
@@ -49,7 +52,7 @@ _LAWS: dict[str, Callable[..., Law]] = {
 
 def drive_file(arguments: argparse.Namespace) -> int:
     """Print what the drives of a model must give, and write it as a table and a picture; 1 without a solution."""
-    system, state = _opened(arguments)
+    system, state, model = _opened(arguments)
     here = _positions(system, state)
     given = [_law(text, system, here) for text in arguments.law]
     laws = dict(given)
@@ -71,6 +74,8 @@ def drive_file(arguments: argparse.Namespace) -> int:
         return 1
     except RedundaxError as error:
         raise FileError(str(error)) from error
+    if model is not None and (beyond := [*_beyond(model, run)]):
+        run = replace_fields(run, remarks=(*run.remarks, f"Beyond limits of the file: {'; '.join(beyond)} (rad or m)."))
     show(str(run))
     if arguments.csv:
         with writing(arguments.csv):
@@ -83,16 +88,25 @@ def drive_file(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _opened(arguments: argparse.Namespace) -> tuple[AbstractSystem, State]:
+def _opened(arguments: argparse.Namespace) -> tuple[AbstractSystem, State, Model | None]:
     path = arguments.system
     if pathlib.Path(path).suffix.lower() not in MODELS:
         check_system(arguments)
-        return load(path)
+        return *load(path), None
     try:
         model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
     except (RedundaxError, OSError) as error:
         raise FileError(str(error)) from error
-    return model.mechanism, model.state
+    return model.mechanism, model.state, model
+
+
+def _beyond(model: Model, run: Run) -> Iterator[str]:
+    """Joints that the motion leads beyond their limits, which bear no load in it, as the file counts them."""
+    for part, coordinate, now in limited(model.described):
+        values, slack = now + np.asarray(run[coordinate]), DIGITS * (model.tree.size if part.kind == "slide" else 1.0)
+        (low, high), least, most = part.limits or (-np.inf, np.inf), np.nanmin(values), np.nanmax(values)
+        if least < low - slack or most > high + slack:
+            yield f"{part.name} goes from {least:.4g} to {most:.4g}, limits are {low:.4g} and {high:.4g}"
 
 
 def _positions(system: AbstractSystem, state: State) -> dict[str, float]:

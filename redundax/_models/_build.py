@@ -287,20 +287,26 @@ def _driver(
     return AngleDriver(**held, angle=law) if is_turn else TravelDriver(**held, travel=law)
 
 
-def _stops(described: Description) -> Iterator[Stop]:
-    """Limits of hinges and slides, which a mechanism counts from the reference pose."""
+def limited(described: Description) -> Iterator[tuple[Joint | Loop, str, float]]:
+    """Hinges and slides that have limits, their coordinates of the mechanism, and where the file counts these as in the
+    reference pose, from which the mechanism counts them."""
     for part in (*described.joints, *described.loops):
-        if part.limits is None or part.kind not in ("hinge", "slide"):
-            continue
-        is_loop = isinstance(part, Loop)
-        now = count_of(part, part.first[1:], part.second[1:]) if is_loop else float(part.reference[0])
-        low, high = (limit - now for limit in part.limits)
+        if part.limits and part.kind in ("hinge", "slide"):
+            is_loop = isinstance(part, Loop)
+            now = count_of(part, part.first[1:], part.second[1:]) if is_loop else float(part.reference[0])
+            yield part, f"{part.name}.{coordinates_of(part.kind)[0]}", now
+
+
+def _stops(described: Description) -> Iterator[Stop]:
+    """Limits of hinges and slides."""
+    for part, coordinate, now in limited(described):
+        low, high = (limit - now for limit in part.limits or ())
         if part.kind == "hinge" and 2 * np.pi <= high - low < np.inf:  # angles are counted from -pi to pi
             continue
         ends, most = {"least": low, "most": high}, np.pi if part.kind == "hinge" else np.inf
         given = {end: at for end, at in ends.items() if abs(at) < most}
         if given:
-            yield Stop(f"stop of {part.name}", f"{part.name}.{coordinates_of(part.kind)[0]}", **given)
+            yield Stop(f"stop of {part.name}", coordinate, **given)
 
 
 def _lock(described: Description, tie: Tie) -> AbstractJoint:

@@ -69,3 +69,15 @@ def test_two_laws_of_one_coordinate_are_refused(capsys):
     laws = ["--law", "A=cycloidal(1, 2)", "--law", "A.angle=harmonic(1, 2)"]
     assert command.main(["drive", FOUR_BAR, *laws]) == 2
     assert "`--law` gives 'A.angle' two laws. Leave one" in capsys.readouterr().err
+
+
+def test_joints_that_a_motion_leads_beyond_their_limits_are_told(tmp_path, capsys):
+    """A hinge that the file counts from 0.2 rad on, to 0.5: a law of 20, meant as degrees, leads it to 20.2."""
+    hinge = '<joint name="A" axis="0 1 0" ref="0.2" range="0 0.5"/><geom size="0.1" pos="0.3 0 0"/>'
+    file = tmp_path / "arm.xml"
+    file.write_text(f'<mujoco><compiler angle="radian"/><worldbody><body>{hinge}</body></worldbody></mujoco>')
+    for stroke, told in ((0.3, False), (20, True)):
+        assert command.main(["drive", str(file), "--law", f"A=cycloidal({stroke}, move=1)"]) == 0
+        printed = " ".join(capsys.readouterr().out.split())
+        said = "Beyond limits of the file: A goes from 0.2 to 20.2, limits are 0 and 0.5 (rad or m)."
+        assert (said in printed) is told and ("Beyond" in printed) is told
