@@ -19,7 +19,7 @@ from .._bodies._speed_driver import SpeedDriver
 from .._system._names import index_of
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, check_kind, floats, on_device
+from .._tools._module import Numbers, check_kind, finite, floats, on_device
 from .._tools._table import text_of
 from .._tools._words import printable
 from ._build import Added, bodies_of, mechanism_of, position_of
@@ -112,6 +112,7 @@ class Model:
             plain = name if name in places else name.removesuffix(".angle").removesuffix(".travel")
             index_of("positions", plain, list(places), " of joints")
             joint, place = places[plain]
+            finite("positions", floats(value, "positions"), f"'{name}'")
             if np.size(value) != (size := place.stop - place.start):
                 raise RedundaxError(
                     f"Argument `positions` must hold {size} for the {joint.kind} '{name}', but holds {np.size(value)}. "

@@ -533,6 +533,9 @@ def test_positions_of_joints_that_are_not_there_are_refused(write):
         model.guess({"elbow": 1.0})
     with pytest.raises(rx.RedundaxError, match="must hold 1 for the hinge 'A'"):
         model.guess({"A": [1.0, 2.0]})
+    for wrong, words in (("20", "must be a number"), (np.nan, "of 'A' must be finite")):
+        with pytest.raises(rx.RedundaxError, match=f"Argument `positions` {words}"):
+            model.guess({"A": wrong})
     with pytest.raises(rx.RedundaxError, match="there is no file"):
         rx.load_model(pathlib.Path("nowhere.xml"))
 
