@@ -1,5 +1,6 @@
 """A model of MuJoCo, described without it: what MJCF and URDF are read to"""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import NamedTuple
@@ -47,6 +48,10 @@ def described(
     ties = [tie._replace(name=name) for tie, name in zip(ties, names[len(loops) :], strict=True)]
     names += [term.name for tie in ties for term, _ in (*tie.first, *tie.second) if isinstance(term, Loop)]
     joint_names = unique([_joint_name(model, joint) for joint in range(model.njnt)], names)
+    swapped = model.jnt_range[:, 0] > model.jnt_range[:, 1]
+    if form == "MJCF" and swapped.any():  # of a URDF they are told with its own words
+        swapped_names = ", ".join(itertools.compress(joint_names, swapped))
+        more.append(f"limits of {swapped_names}, least above largest: taken as none")
     return Description(
         form,
         tuple(read.bodies(movers, joint_names)),

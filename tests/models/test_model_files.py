@@ -540,6 +540,12 @@ def test_positions_of_joints_that_are_not_there_are_refused(write):
         rx.load_model(pathlib.Path("nowhere.xml"))
 
 
+def test_limits_in_the_wrong_order_are_told(write):
+    model = rx.load_model(write("arm.xml", ARM.replace('<joint name="A"', '<joint name="A" range="60 -60"')))
+    assert "limits of A, least above largest: taken as none" in model.notes
+    assert all("limits of" not in note for note in rx.load_model(write("arm.xml", ARM)).notes)
+
+
 def test_feet_and_loads_are_added_to_a_model(write):
     text = """<mujoco><worldbody><body name="table" pos="0 0 0.5"><freejoint name="floats"/>
       <geom type="box" size="0.4 0.3 0.1" mass="8"/>
