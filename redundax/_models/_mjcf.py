@@ -183,7 +183,7 @@ def _stripped(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_BODY:  # holds by contact
             spec.delete(actuator)
-    _keep_positions(mujoco, spec)
+    notes += _keep_positions(mujoco, spec)
     if shapes:
         notes.append(f"{_shapes(shapes)} from meshes")
         lighter = dict.fromkeys(_name(geom.parent) for geom in shapes if _weighs(spec, geom))
@@ -201,18 +201,20 @@ def _stripped(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
     return notes
 
 
-def _keep_positions(mujoco: ModuleType, spec: MujocoSpec) -> None:
-    """Keep of keyframes what they say of joints, under a name each, and none that counts other joints."""
+def _keep_positions(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
+    """Keep of keyframes what they say of joints, under a name each, and none that counts other joints, which is told."""
     sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
     size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
-    taken, keys = [key.name for key in spec.keys if key.name], list(spec.keys)
+    taken, keys, left = [key.name for key in spec.keys if key.name], list(spec.keys), []
     for name, key in zip(unique([f"keyframe {k}" for k in range(1, len(keys) + 1)], taken), keys, strict=True):
         if len(key.qpos) != size or not np.all(np.isfinite(key.qpos)):
+            left += [key.name or name] if len(key.qpos) else []
             spec.delete(key)
             continue
         key.name = key.name or name
         for what in ("qvel", "act", "ctrl", "mpos", "mquat"):
             setattr(key, what, [])
+    return [f"keyframes whose positions are not the {size} numbers of all joints: {', '.join(left)}"] if left else []
 
 
 def _weighs(spec: MujocoSpec, geom: SpecGeom) -> bool:

@@ -178,6 +178,7 @@ def test_keyframes_that_count_other_joints_are_none(load):
     keys = f'<key {FILE}/><key name="keyframe 1" {FILE}/><key name="short" qpos="0 0 0"/><key name="c" ctrl=""/>'
     model = load(BAR.format(limits="", ball="", keys=keys))
     assert model.keyframes == ("keyframe 1 (2)", "keyframe 1")
+    assert "keyframes whose positions are not the 7 numbers of all joints: short" in model.notes
 
 
 def test_how_far_a_ball_is_turned_is_held_against_its_limit(load):
