@@ -202,7 +202,7 @@ def _stripped(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
 
 
 def _keep_positions(mujoco: ModuleType, spec: MujocoSpec) -> list[str]:
-    """Keep of keyframes what they say of joints, under a name each, and none that counts other joints, which is told."""
+    """Keep of keyframes what they say of joints, under a name each, and tell of those that count other joints."""
     sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
     size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
     taken, keys, left = [key.name for key in spec.keys if key.name], list(spec.keys), []
