@@ -96,10 +96,9 @@ class Linear(NamedTuple):
         """A tau, of friction that makes these accelerations."""
         return self.yields @ tau
 
-    def caused_at_most(self, limits: tuple[Array, Array]) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
-        """|A| tau and |X| tau of the largest friction within limits."""
-        most = jnp.maximum(*map(jnp.abs, limits))
-        return jnp.abs(self.yields) @ most, jnp.abs(self.response.unit.acceleration) @ most
+    def caused_at_most(self, most: Array, by_loads: Array) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
+        """|A| tau of the largest friction, and |X| tau of what loads add to it."""
+        return jnp.abs(self.yields) @ most, jnp.abs(self.response.unit.acceleration) @ by_loads
 
     def limits_at(self, tau: Float[Array, " p"], rows: Int[Array, " l"], limits: Limits) -> tuple[Array, Array]:
         """Limits at loads that this friction causes."""
@@ -171,9 +170,8 @@ class LinearMaps(NamedTuple):
     def slips_caused(self, tau: Array, acceleration: Array) -> Float[Array, " p"]:
         return self.unit.slips(acceleration - self.response.free.acceleration)
 
-    def caused_at_most(self, limits: tuple[Array, Array]) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
-        some = jnp.maximum(*map(jnp.abs, limits)) * _several(self.rate)
-        return jnp.zeros_like(self.rate), jnp.abs((self.unit @ some).acceleration)
+    def caused_at_most(self, most: Array, by_loads: Array) -> tuple[Float[Array, " p"], Float[Array, " n"]]:
+        return jnp.zeros_like(most), jnp.abs((self.unit @ (by_loads * _several(most))).acceleration)
 
     def limits_at(self, tau: Array, rows: Array, limits: Limits) -> tuple[Array, Array]:
         return limits((self.unit @ tau).multipliers[rows])

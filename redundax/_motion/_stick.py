@@ -40,7 +40,8 @@ from ._moving import STILL, Equations, Solved
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Part of what friction could do that holds a joint for sure: ten times what sweeps leave.
 _EASY = 1e-9, 1e4
-# Accelerations that are none, relative to a speed squared over the size of the mechanism.
+# Accelerations that are none, relative to a speed squared over the size of the mechanism; and roundings, of those that
+# friction by loads could cause, that are none.
 _ROUNDING = 1e-12, 1e2
 # Part of the speed of the mechanism that no joint has which a driver did not set off: it errs in the dense output of a
 # step over the onset by a thousandth of that.
@@ -90,13 +91,13 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     still, linear = _prescribed(equations, linear, least)
-    (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
+    (tau, caused, change, decided), limits, idle = _at_rest(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    slips, accelerations = linear.caused_at_most(limits)
-    moves_at_most = jnp.max(accelerations / scale)
-    # loads that press surfaces together, and that constraints bear, leave roundings of themselves
-    least = jnp.maximum(least, _HELD[1] * float(jnp.finfo(least.dtype).eps) * moves_at_most)
+    most, without = (jnp.maximum(*map(jnp.abs, x)) for x in (limits, idle))
+    slips, accelerations = linear.caused_at_most(most, jnp.abs(most - without))
+    # Loads that press surfaces together, and that constraints bear, leave roundings of themselves; a brake leaves none.
+    least = jnp.maximum(least, _ROUNDING[1] * float(jnp.finfo(least.dtype).eps) * jnp.max(accelerations / scale))
     caused_at_most = equations.slip_size * slips
     # where no load pulls along slips, these parts are rounding
     enough = jnp.maximum(held * size, tolerance_of(_EASY, linear.rate) * caused_at_most)
@@ -175,8 +176,9 @@ def within_limits(
 
 def _at_rest(
     equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
-) -> tuple[Holding, tuple[Array, Array]]:
-    """Friction of joints that stick or start to slip, if wanted, and of those that slip, and its limits."""
+) -> tuple[Holding, tuple[Array, Array], tuple[Array, Array]]:
+    """Friction of joints that stick or start to slip, if wanted, and of those that slip; its limits, and those without
+    loads."""
     rows, rate, directions = load_rows(equations.system.friction), linear.rate, equations.directions
     rho0 = linear.response.free.multipliers[rows]
     if directions is not None:  # at rest, so that senses count
@@ -188,7 +190,7 @@ def _at_rest(
 
     tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
     found = linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)
-    return found, linear.limits_at(found.tau, rows, limits)
+    return found, linear.limits_at(found.tau, rows, limits), law.limits(jnp.zeros_like(rho0), still)
 
 
 def _held_by(

@@ -297,6 +297,22 @@ def test_a_slow_plate_is_at_rest_where_it_stops():
     np.testing.assert_allclose(run.q[0, :2], speed**2 / (2 * mu * gravity) * np.array([0.6, 0.8]), rtol=1e-9)
 
 
+def test_a_brake_stops_no_other_body():
+    """A light slide that a strong brake holds, beside one that a small force moves: qd = f t / m."""
+    light = rx.spatial.Body("light", 1e-3, (1e-3, 1e-3, 1e-3))
+    free = rx.spatial.Body("free", 1.0, (1.0, 1.0, 1.0), position=(3.0, 0.0, 0.0))
+    sizes = {"guide_length": 0.5, "twist_radius": 0.1, "friction": rx.ConstantFriction(1e6)}
+    guides = [
+        rx.spatial.Prismatic("brake", light, "ground", point=(0, 0, 0), axis=(1, 0, 0), **sizes),
+        rx.spatial.Prismatic("guide", free, "ground", point=(3, 0, 0), axis=(1, 0, 0)),
+    ]
+    pull = rx.spatial.AppliedForce("free", (1e-4, 0.0, 0.0))
+    mechanism = rx.Mechanism([light, free], guides, loads=[pull], gravity=(0.0, 0.0, -10.0))
+    run = rx.simulate(mechanism, rx.State(mechanism.reference, jnp.zeros(12)), 1.0, ts=[1.0])
+    assert run.result == rx.RESULTS.successful
+    np.testing.assert_allclose(run["guide.travel"], 0.5e-4, rtol=1e-8)
+
+
 # Batches and derivatives ------------------------------------------------------------------------
 
 
