@@ -123,16 +123,17 @@ def _followed(motion: JointMotion, t: Float[Array, " times"], joints: AbstractJo
         h (c'_1 + c'_2) / 2 + h^2 (c''_1 - c''_2) / 12,
 
     which is exact where the rate is a parabola of time. Where friction stops a joint or turns it round between, rates
-    change by far less than accelerations say: then by rates alone.
+    change by far less than accelerations say: then fewer turns, of these and those that rates alone say.
     """
     if not joints.wraps.any():
         return motion
     h, turn = jnp.diff(t)[:, None], 2 * jnp.pi * jnp.asarray(joints.radian, t.dtype)
     first, last = h * motion.acceleration[:-1], h * motion.acceleration[1:]
     missed = jnp.abs(jnp.diff(motion.rate, axis=0) - (first + last) / 2)
-    # Rates change by less than a tenth of what one end says; the rest is below half a turn at three times a turn.
-    bend = jnp.where(missed > 0.4 * (jnp.abs(first) + jnp.abs(last)), 0.0, last - first)
-    way = h * ((motion.rate[1:] + motion.rate[:-1]) / 2 - bend / 12)
-    turns = jnp.cumsum(jnp.round((way - jnp.diff(motion.position, axis=0)) / turn), axis=0)
-    followed = motion.position.at[1:].add(turn * turns)
+    ways = h * (motion.rate[1:] + motion.rate[:-1]) / 2 - h * jnp.stack([last - first, jnp.zeros_like(first)]) / 12
+    by_both, by_rates = jnp.round((ways - jnp.diff(motion.position, axis=0)) / turn)
+    # 0.5 is where one end tells of a change and there is none; smooth motions seen four times a period are below.
+    breaks = missed > 0.4 * (jnp.abs(first) + jnp.abs(last))
+    turns = jnp.where(breaks & (jnp.abs(by_rates) < jnp.abs(by_both)), by_rates, by_both)
+    followed = motion.position.at[1:].add(turn * jnp.cumsum(turns, axis=0))
     return replace_fields(motion, position=jnp.where(joints.wraps, followed, motion.position))

@@ -128,6 +128,16 @@ def test_a_brake_makes_no_turns():
     np.testing.assert_allclose(motion["h.angle"], [0.0, 0.002], rtol=1e-8)
 
 
+def test_a_spring_makes_no_turns():
+    """A rotor that a spring swings by -cos(t), seen after three quarters of a period."""
+    rotor = rx.spatial.Body("rotor", 2.0, (0.01, 0.01, 0.01))
+    hinge = rx.spatial.Revolute("h", rotor, rx.GROUND, (0, 0, 0), (0, 0, 1))
+    spring = rx.spatial.TorsionSpring(rotor, rx.GROUND, (0, 0, 1), stiffness=0.01)
+    mechanism, ts = rx.Mechanism([rotor], [hinge], loads=[spring]), np.array([0.0, 1.5 * np.pi])
+    motion = rx.simulate(mechanism, rx.assemble(mechanism, positions={"h.angle": -1.0}), 5.0, ts=ts, rtol=1e-10)
+    np.testing.assert_allclose(motion["h.angle"], [-1.0, 0.0], atol=1e-7)
+
+
 @pytest.mark.slow
 def test_a_body_tumbles_as_euler_says():
     """A free body, on a bearing that holds nothing of its turning, with an inertia matrix."""
