@@ -51,7 +51,7 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
         shown = f"an object of the type {type(given).__name__}"
         if given is None or isinstance(given, str | complex):
             shown = short(given)
-        elif isinstance(given, jax.Array | np.ndarray | np.generic):
+        elif isinstance(given, jax.ShapeDtypeStruct | np.ndarray | np.generic):
             shown = f"an array of shape {given.shape} and type {given.dtype}"
         raise RedundaxError(
             f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shown}. "

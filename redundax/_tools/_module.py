@@ -164,15 +164,13 @@ def tracing(argument: str) -> Iterator[None]:
 
 
 def given_by(function: Callable[..., object], *arguments: PyTree) -> object:
-    """What a function of the user gives where it is traced, also if JAX takes no such thing."""
-    found: list[object] = []
-    jax.eval_shape(lambda *traced: found.append(function(*traced)), *arguments)
-    return found[0]
+    """What a function of the user gives where it is traced, also if JAX takes no such thing; shapes of its arrays."""
+    return eqx.filter_eval_shape(function, *arguments)
 
 
 def is_real(value: object, shape: tuple[int, ...] = ()) -> bool:
-    """Whether a value is real numbers of a shape, which may be traced; truth values count as 0 and 1."""
-    if isinstance(value, jax.Array | np.ndarray | np.generic):
+    """Whether what `given_by` found is real numbers of a shape; truth values count as 0 and 1."""
+    if isinstance(value, jax.ShapeDtypeStruct | np.ndarray | np.generic):
         kinds = jnp.floating, jnp.integer, jnp.bool
         return value.shape == shape and any(jnp.issubdtype(value.dtype, kind) for kind in kinds)
     return not shape and isinstance(value, int | float)

@@ -395,3 +395,10 @@ def test_some_of_several_states_and_what_has_no_places():
     for state, which in ((many, "A.x"), (rx.State([0.0], [0.0]), 0)):
         with pytest.raises(rx.RedundaxError, match=r"entries in `q`, `qd` and `t`.* names; places"):
             state[which]
+
+
+def test_laws_and_loads_leave_no_tracers_behind():
+    load = lambda i, j, t, p: 2 * (rx.Wrench(t * i.pose.r, 0.0 * t),)  # noqa: E731
+    with jax.checking_leaks():
+        rx.AngleDriver("M", "rod", "ground", lambda t: 0.3 * t)
+        rx.LoadFunction("rod", load)
