@@ -348,8 +348,8 @@ def _check_closed(values: Array) -> None:
         off, size = abs(float(values[-1] - values[0])), float(np.ptp(np.asarray(values)))
         if off > float(np.finfo(values.dtype).eps) ** 0.375 * size:
             raise RedundaxError(
-                f"Argument `values` of a periodic law must end with its first value, but begins with {values[0]:.6g} "
-                f"and ends with {values[-1]:.6g}. Add the sample that closes the cycle."
+                f"Argument `values` of a periodic law must end with its first value {values[0]:.6g}, but ends "
+                f"{off:.3g} off. Add the sample that closes the cycle, or give the last one the first value."
             )
 
 
