@@ -343,10 +343,10 @@ def _check_positive(**given: Array) -> None:
 
 
 def _check_closed(values: Array) -> None:
-    """Refuse a cycle that does not end where it begins, by more than rounding in the digits that files have."""
+    """Refuse a cycle that does not end where it begins, by more than the last of three digits."""
     if is_concrete(values):
         off, size = abs(float(values[-1] - values[0])), float(np.ptp(np.asarray(values)))
-        if off > float(np.finfo(values.dtype).eps) ** 0.375 * size:
+        if off > 1e-3 * size:
             raise RedundaxError(
                 f"Argument `values` of a periodic law must end with its first value {values[0]:.6g}, but ends "
                 f"{off:.3g} off. Add the sample that closes the cycle, or give the last one the first value."
