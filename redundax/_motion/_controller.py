@@ -141,7 +141,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             following = jnp.where(jumps, stop_gradient(jnp.minimum(t + self.first, ahead)), following)
             short = jumps & (result == diffrax.RESULTS.dt_min_reached)
             result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
-        if control.plan is not None or self.jumps is not None:
+        if control.plan is not None or self.jumps is not None or args[0].loaded:
             _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
             control = control._replace(inner=chosen_of(lands, fresh, inner))
         return keep, t, self.before_jump(following, t), lands, control, result
@@ -158,6 +158,8 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             event = stiff if hits is None else hits | stiff
             if hits is not None:
                 keep, t = keep & ~hits, jnp.where(hits, t0, t)
+            following, lands = jnp.where(verdict.again > 0, verdict.ahead, following), keep & (verdict.lands > 0)
+            following = jnp.where(lands, t + self.first, following)
             result = diffrax.RESULTS.where(event, diffrax.RESULTS.event_occurred, result)
             return keep, t, following, lands, Control(inner, None, hit), result
         event = keep & jnp.isfinite(verdict.plan.time)

@@ -109,11 +109,12 @@ def _integrate(
         equations = replace_fields(equations, scaling=scaling(system, model_of_all(system, state)))
     whole = stop_gradient(t1 - state.t)
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
-    differentiated = xp.zeros((), bool)
-    if equations.directions is not None and course.rtol is not None:
+    differentiated, directed = xp.zeros((), bool), equations.directions is not None
+    if (directed or equations.loaded) and course.rtol is not None:
         differentiated = is_differentiated(state, equations, course)
     if course.dt0 is None:  # as the shortest is a part of it, and nothing tells yet how surfaces turn
-        first = xp.where(whole > 0, xp.minimum(first, whole), first) * xp.where(differentiated, _TURNED, 1.0)
+        first = xp.where(whole > 0, xp.minimum(first, whole), first)
+        first = first * xp.where(differentiated & directed, _TURNED, 1.0)
     longest = None if course.restitution is None else _LONGEST * (t1 - state.t)
     tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     jumps = None if course.jump_ts is None else told_apart(course.jump_ts)

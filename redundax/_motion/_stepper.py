@@ -23,10 +23,13 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import slip_rate, velocity
+from .._solvers._friction_problem import Law
+from .._system._friction import load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
+from ._bend import bend
 from ._controller import Verdict, size_of
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart
@@ -36,7 +39,7 @@ from ._scalars import Flag, Scalar
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, seen, turns
 from ._stick import Mode
 from ._stiffness import Watched, stiff_steps
-from ._touch import first_hit
+from ._touch import Hit, first_hit
 
 # Largest change of friction in a step, relative to its size, where it may have several solutions.
 _JUMP = 0.1
@@ -109,6 +112,7 @@ class Carried(NamedTuple):
     touches: Bool[Array, ""]
     cut: Bool[Array, ""]
     pace: Pace
+    loads: Float[Array, " m"]
     watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
@@ -174,7 +178,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         fixed = jax.lax.stop_gradient((watch, zero, zero))
         any_pace = no_pace(begin.mode.sense)  # until one is told no surfaces stop, if derivatives are taken
         any_pace = any_pace._replace(slow=any_pace.slow & ~begin.differentiated)
-        none = begin.mode.sense != begin.mode.sense, zero > 0, zero > 0, any_pace
+        unknown = jnp.full(len(equations.scaling.rows) if equations.loaded else 0, jnp.nan)
+        none = begin.mode.sense != begin.mode.sense, zero > 0, zero > 0, any_pace, unknown
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, *none, *fixed)
 
     def step(
@@ -187,10 +192,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
     def _step(
         self, terms: PyTree, t0: Array, t1: Array, y0: Moving, args: tuple, now: Carried, made_jump: Flag
     ) -> tuple[Moving, Verdict, PyTree, Carried, diffrax.RESULTS]:
-        equations, system = args[0], args[0].system
+        (equations, _, begin), system = args, args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if context.along is not None:
-            stopping = _stopping(system, y0.at(t0), now.pace.stops <= t1, args[2].differentiated)
+            stopping = _stopping(system, y0.at(t0), now.pace.stops <= t1, begin.differentiated)
             context = context._replace(stopping=stopping)
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
@@ -202,16 +207,16 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y = chosen_of(context.rests, y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun_at, begun, t, before, path = stop_gradient((equations, y, y0, t0, t1, now, dense))
+        between = self.solver.interpolation_cls(t0=begun, t1=t, **path).evaluate
         event, well = None, True
         if not equations.has_sense:
             found = _see(fixed, t, there, before)
         else:
             lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
-            apart, slow = stop_gradient(args[2].apart), before.pace.slow
-            step = Step(begun, t, there, context.rests, lands, trial, before.along, apart, slow)
-            steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            found, plan, well, cut = look(fixed, step, steps.evaluate, lambda *at: _seen(fixed, before, *at))
+            times = begun, t, there, context.rests, lands, trial, before.along
+            step = Step(*times, stop_gradient(begin.apart), before.pace.slow)
+            found, plan, well, cut = look(fixed, step, between, lambda *at: _seen(fixed, before, *at))
             event = step, plan, cut, found
         sight, carried, jump = _watched(fixed, now, found, inner)
         if isinstance(self.solver, Watched):
@@ -224,46 +229,85 @@ class Stepper(diffrax.AbstractWrappedSolver):
             size = size_of(_relative(_error(error, y, raw, equations), t1 - t0, equations, y0, now, carried))
         hit = None
         if fixed.touch is not None:
-            steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            hit, stops = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
-            good, size = good | (stops & ~args[2].lands), jnp.where(stops & ~args[2].lands, 0.0, size)
+            hit, stops = first_hit(fixed, (begun, t), there, between, before.context)
+            good, size = good | (stops & ~begin.lands), jnp.where(stops & ~begin.lands, 0.0, size)
+        bends, crosses = _bend(fixed, found.solved, (begun, there.at(t)), between, before, begin)
         if event is None:
             if hit is not None:
-                hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))
-            told, no = jnp.where(good, size, jnp.inf), jnp.zeros_like(t1)
-            told = Verdict(told, None, no, no, no, no, no, no, hit, carried.watch.stiff)
-            return y, told, dense, carried, result
+                hit = hit._replace(time=jnp.where(begin.lands, jnp.inf, hit.time))
+            again, no = (bends < _time_of(hit)) & ~begin.lands, jnp.zeros_like(t1)
+            told = jnp.where(good & ~again, size, jnp.inf), None, crosses.astype(t1.dtype), no, no, no, bends
+            return y, Verdict(*told, again.astype(t1.dtype), hit, carried.watch.stiff), dense, carried, result
         step, plan, cut, found = event
         end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
         if equations.directions is not None:
             steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
-            cut_at, _ = rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))
-            y = chosen_of(cut, cut_at, y)
+            y = chosen_of(cut, rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))[0], y)
             end, at = chosen_of(cut, (plan.time, plan), (t1, at))
             step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
             again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
-            on = jax.lax.cond(args[2].differentiated, lambda: pace(fixed, t, found), lambda: no_pace(fixed.sense))
+            on = jax.lax.cond(begin.differentiated, lambda: pace(fixed, t, found), lambda: no_pace(fixed.sense))
             ahead, again = _ahead(step, plan, (before.pace.turns, jnp.minimum(ahead, on.ahead)), again, cut)
             carried = carried._replace(pace=on, cut=cut)
             plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
         if hit is not None:
-            first = (hit.time <= plan.time) & ~step.lands
-            hit = hit._replace(time=jnp.where(first, hit.time, jnp.inf))
-            plan = plan._replace(time=jnp.where(first, jnp.inf, plan.time))
+            plan, hit = _first_of(plan, hit, step.lands)
+        early = (bends < jnp.minimum(plan.time, _time_of(hit))) & ~(again | step.lands | context.rests)
+        ahead, again = jnp.where(early, bends, ahead), again | early
         good = good & (well | step.lands) & ~again
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
-        y, carried, told = _landed(equations, (end, y, args[2].end), now._replace(plan=at), carried, step, found)
+        y, carried, told = _landed(equations, (end, y, begin.end), now._replace(plan=at), carried, step, found)
         told = told._replace(
             size=size,
             plan=plan,
+            lands=jnp.where(crosses, 1.0, told.lands),
             shift=end - t1 + told.shift,
             ahead=ahead,
             again=again.astype(t1.dtype),
-            ends=jnp.where(step.lands & args[2].lands, 1.0, told.ends),
+            ends=jnp.where(step.lands & begin.lands, 1.0, told.ends),
             hit=hit,
             stiff=carried.watch.stiff,
         )
         return y, told, dense, carried, result
+
+
+def _first_of(plan: Plan, hit: Hit, lands: Array) -> tuple[Plan, Hit]:
+    """Of an event of slips and one of contacts the first, the other at no time."""
+    first = (hit.time <= plan.time) & ~lands
+    none = jnp.full_like(plan.time, jnp.inf)
+    return plan._replace(time=jnp.where(first, none, plan.time)), hit._replace(time=jnp.where(first, hit.time, none))
+
+
+def _time_of(hit: Hit | None) -> Array | float:
+    return jnp.inf if hit is None else hit.time
+
+
+def _bend(
+    equations: Equations,
+    solved: Solved | None,
+    step: tuple[Array, State],
+    between: Callable[[Array], Moving],
+    now: Carried,
+    begin: Begin,
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
+    """When a step should end for a bend of friction, of which the begin and the state at the end are given, where
+    derivatives are taken, infinite where there is none; and whether it is the one that crosses it."""
+    (start, state), rows = step, load_rows(equations.system.friction) if equations.loaded else None
+    never = jnp.full_like(state.t, jnp.inf), jnp.zeros((), bool)
+    if solved is None or rows is None:
+        return never
+
+    def at(t: Array) -> Float[Array, " m"]:
+        there = rechart(equations.system, between(t))[0].at(t)
+        return equations.solved(there, equations.linear(there, now.held), now.mode.tau, now.along).multipliers
+
+    def first() -> tuple[Array, Array]:
+        sense = equations.sense if now.along is None else jnp.where(equations.directed, now.along, equations.sense)
+        law = Law.of(equations.system, slip_rate(equations.system, state), sense, state)
+        ends = (start, now.loads), (state.t, solved.multipliers)
+        return bend(law, rows, equations.play, at, *ends, equations.sticking, begin.apart)
+
+    return jax.lax.cond(begin.differentiated, first, lambda: never)
 
 
 def _stopping(
@@ -335,6 +379,7 @@ def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyT
     several solutions."""
     sight: Sight = found.watch
     mode, along, jump, watch, solved = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch, found.solved
+    loads = now.loads
     if solved is not None:
         change = jnp.where(equations.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
         jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
@@ -342,10 +387,11 @@ def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyT
             contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
         )
         mode = mode._replace(tau=solved.tau)
+        loads = solved.multipliers if equations.loaded else loads
     if along is not None and isinstance(found, Seen):
         along = equations.turned(found.rate, along, jnp.zeros((), bool))
     held, pivot = replace_fields(now.held, **sight.held.rank), sight.pivot
-    parts = {"inner": inner, "mode": mode, "held": held, "along": along, "watch": watch}
+    parts = {"inner": inner, "mode": mode, "held": held, "along": along, "loads": loads, "watch": watch}
     return sight, now._replace(**parts, pivot=pivot, largest=jnp.maximum(now.largest, pivot)), jump
 
 
@@ -371,6 +417,7 @@ def _landed(
         plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
         released=step.lands & end.starts,
         touches=step.lands & end.free,
+        loads=jnp.where(step.lands, jnp.nan, after.loads),
         watch=chosen_of(context.rests, now.watch, after.watch),
     )
     ends = ~mode.decided if equations.directions is None else step.lands

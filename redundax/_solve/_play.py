@@ -38,10 +38,8 @@ from .._tools._numbers import fori_loop, or_one, stop_gradient, take, while_loop
 
 _SPLITTINGS = 20  # steps before each of Newton's, which has its region of convergence then in most cases
 _MOST = 100  # turns; of 3600 random cases of up to 18 rows 1 in 300 takes more
-_SHARES = (
-    1e-8,
-    1e2,
-)  # of the stiffness, between which s is: loads from 1e-8 of those by which clearances would be closed
+# Of the stiffness, between which s is: loads from 1e-10 of those by which clearances would be closed.
+_SHARES = (1e-10, 1e2)
 _SAME, _BEYOND = 0.1, 0.05  # of a change, as parts of it: splitting makes good what is off, from anywhere
 _ON_EDGE = 1e-9  # of a clearance: what just closes it is no load; above the rounding of r, whose size is that of W lam
 

@@ -48,10 +48,10 @@ def start(speed=2.0):
     return rx.State(jnp.zeros(3), jnp.array([speed, 0.0, 0.0]))
 
 
-def enumerated(t, mu):
+def enumerated(t, mu, play=PLAY):
     """Loads at the one set of sides that fits: w N + d - h - x phi = -c n where one carries, within c elsewhere."""
     (across, moment), x, found = pushed(t), np.array(PLACES), []
-    soft, misfit, play = map(np.array, (SOFT, MISFIT, PLAY))
+    soft, misfit, play = map(np.array, (SOFT, MISFIT, play))
     for side in itertools.product((-1.0, 0.0, 1.0), repeat=3):
         n = np.array(side)
         matrix, right = np.zeros((5, 5)), np.zeros(5)
@@ -92,6 +92,34 @@ def test_a_sledge_with_play_slides_to_a_stop():
         np.testing.assert_allclose(motion.multipliers[k], enumerated(float(motion.t[k]), MU), rtol=1e-9, atol=1e-9)
     sides = {tuple(np.sign(loads)) for loads in np.asarray(motion.multipliers[slides])}
     assert len(sides) > 3 and any(0.0 in side for side in sides)
+
+
+@pytest.mark.slow
+def test_derivatives_by_play_pass_changes_of_sides():
+    """Of the speed: those of friction, which are the same until a support comes to a side or leaves it."""
+    mechanism, end, few = sledge(MU), 0.45, 1e-6
+
+    def speed(part):
+        joints = closure(mechanism, [part * c for c in PLAY])
+        run = rx.simulate(mechanism, start(), end, closure=joints, ts=[end], adjoint=diffrax.ForwardMode())
+        return run.qd[0, 0]
+
+    def sides(t):
+        return tuple(np.sign(enumerated(t, MU)))
+
+    def slope(t):
+        one, other = (np.abs(enumerated(t, MU, [x * c for c in PLAY])).sum() for x in (1 + few, 1 - few))
+        return -MU * (one - other) / (2 * few) / MASS
+
+    at = [0.0]
+    for begin, stop in itertools.pairwise(np.linspace(0.0, end, 301)):
+        if sides(begin) != sides(stop):
+            at.append(brentq(lambda t, b=begin: 0.5 - (sides(t) != sides(b)), begin, stop, xtol=1e-14))
+    at.append(end)
+    assert len(at) == 6
+    expected = sum(slope((a + b) / 2) * (b - a) for a, b in itertools.pairwise(at))
+    found = jax.jvp(speed, (1.0,), (1.0,))[1]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-8)
 
 
 @pytest.mark.slow
