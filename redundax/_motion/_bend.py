@@ -2,13 +2,13 @@
 
 What a step goes past a bend its error tells by the square, as velocities are off by that, but derivatives are off by as
 much itself: by a thousandth at a tolerance of 1e-8. Between the loads at the ends of a step friction bends where it is
-its two tangents, which meet on it. Loads go through there where
+its two tangents, which meet on it. Steps come near to that, one after the other, until one ends just before it. A tiny
+one crosses it, as stages at its ends count, too.
+
+Loads themselves bend where joints with play come to a side of it or leave one. Then false position on the dense output
+of the step tells when, or for friction when
 
     g rho(t) = g rho,   g = d tau / d rho after - before
-
-by false position on the dense output of the step, which the bend itself puts off: so steps come near to it, one after
-the other, until one ends just before it. A tiny one crosses it, as stages at its ends count, too. Loads themselves
-bend where joints with play come to a side of it or leave one, which halving finds in the same way.
 """
 
 from collections.abc import Callable
@@ -27,9 +27,9 @@ from .._solvers._friction_problem import Law
 _LEAST, _STRAIGHT = 1e-3, 0.1
 # Part of the largest load up to which a joint with play has none: more would tell late that it comes to a side.
 _LOADED = 1e-14
-# How near to a bend, relative to the looks at a motion, steps end and the one begins that crosses it; and most turns of
-# false position.
-_NEAR, _TURNS = 1e-6, 30
+# How near to a bend, relative to the looks at a motion, steps end and the one begins that crosses it; the same with
+# play, whose sides are not told within some 1e-10 of a change; and most turns of false position.
+_NEAR, _NEAR_SIDES, _TURNS = 1e-7, 1e-6, 30
 
 
 class _Bracket(NamedTuple):
@@ -56,26 +56,45 @@ def bend(
     between times at which multipliers are given, infinite where there is none; and whether the step is the one that
     crosses it."""
     (start, first), (stop, last) = begin, end
-    before, after = first[rows], last[rows]
-    parts = jnp.where(sticking, jnp.inf, _parts(law, before, after))
+    parts = jnp.where(sticking, jnp.inf, _parts(law, first[rows], last[rows]))
     slip, part = jnp.argmin(parts), jnp.min(parts)
-    bends, near = part < jnp.inf, jnp.maximum(_NEAR * apart, 10 * jnp.finfo(stop.dtype).eps * jnp.abs(stop))
-    found = bends | (jnp.all(jnp.isfinite(first)) & ~_same_sides(play, first, last))
+    found, least = part < jnp.inf, (_NEAR if play is None else _NEAR_SIDES) * apart
+    near = jnp.maximum(least, 10 * jnp.finfo(stop.dtype).eps * jnp.abs(stop))
+    t = start + part * (stop - start)
+    if play is not None:
+        bends, found = found, found | (jnp.all(jnp.isfinite(first)) & ~_same_sides(play, first, last))
+        through = _through(law, slip, part, (first[rows], last[rows]))
+
+        def value(multipliers: Float[Array, " m"]) -> Array:
+            side = jnp.where(_same_sides(play, first, multipliers), 1.0, -1.0)
+            return jnp.where(bends, through(multipliers[rows]), side)
+
+        t = _root(lambda t: value(at(t)), (start, value(first)), (stop, value(last)), near, found)
+    crosses = found & (stop - start <= 4 * near)
+    aim = jnp.where(t - start > near, t - near / 2, start + 2 * near)
+    return jnp.where(found & ~crosses, aim, jnp.inf), crosses
+
+
+def _through(law: Law, slip: Array, part: Array, ends: tuple[Array, Array]) -> Callable[[Array], Array]:
+    """What of loads passes zero where the friction of a slip bends, at a part of the way between those of the ends."""
+    (before, after), given = ends, jnp.where(part < jnp.inf, part, 0.0)
 
     def slopes(loads: Float[Array, " l"]) -> Float[Array, " l"]:
         return jax.grad(lambda x: law.force(x)[slip])(loads)
 
     change = slopes(after) - slopes(before)
-    passed = change @ (before + jnp.where(bends, part, 0.0) * (after - before))
+    return lambda loads: change @ (loads - before - given * (after - before))
 
-    def value(multipliers: Float[Array, " m"]) -> Array:
-        side = jnp.where(_same_sides(play, first, multipliers), 1.0, -1.0)
-        return jnp.where(bends, change @ multipliers[rows] - passed, side)
+
+def _root(
+    value: Callable[[Array], Array], begin: tuple[Array, Array], end: tuple[Array, Array], near: Array, wanted: Array
+) -> Array:
+    """When a function of time passes zero, if wanted, given it at two times."""
 
     def narrower(now: _Bracket) -> _Bracket:
         t = now.low + now.below / (now.below - now.above) * (now.high - now.low)
         t = jnp.clip(t, now.low + near / 8, now.high - near / 8)
-        there = value(at(t))
+        there = value(t)
         earlier = (there > 0) == (now.below > 0)  # the end that stays counts for half, so that both ends move
         return _Bracket(
             jnp.where(earlier, t, now.low),
@@ -87,13 +106,11 @@ def bend(
 
     def going(now: _Bracket) -> Array:
         wide = (now.high - now.low > near / 4) & (now.below != 0) & (now.above != 0)
-        return found & wide & (now.turn < _TURNS)
+        return wanted & wide & (now.turn < _TURNS)
 
-    whole = _Bracket(start, stop, value(first), value(last), jnp.zeros((), int))
-    root = jax.lax.while_loop(going, narrower, whole)
-    t, crosses = (root.low + root.high) / 2, found & (stop - start <= 4 * near)
-    aim = jnp.where(t - start > near, t - near / 2, start + 2 * near)
-    return jnp.where(found & ~crosses, aim, jnp.inf), crosses
+    (start, below), (stop, above) = begin, end
+    root = jax.lax.while_loop(going, narrower, _Bracket(start, stop, below, above, jnp.zeros((), int)))
+    return (root.low + root.high) / 2
 
 
 def _parts(law: Law, before: Float[Array, " l"], after: Float[Array, " l"]) -> Float[Array, " p"]:
@@ -112,10 +129,8 @@ def _parts(law: Law, before: Float[Array, " l"], after: Float[Array, " l"]) -> F
     return jnp.where(bends & straight & (part > 0) & (part < 1), part, jnp.inf)
 
 
-def _same_sides(play: Play | None, one: Float[Array, " m"], other: Float[Array, " m"]) -> Bool[Array, ""]:
+def _same_sides(play: Play, one: Float[Array, " m"], other: Float[Array, " m"]) -> Bool[Array, ""]:
     """Whether joints with play stand at the same sides, by their loads."""
-    if play is None:
-        return jnp.ones((), bool)
 
     def sides(multipliers: Float[Array, " m"]) -> Float[Array, " g"]:
         loads, least = [multipliers[np.array(rows)] for rows in play.rows], _LOADED * jnp.max(jnp.abs(multipliers))
