@@ -56,14 +56,15 @@ def bend(
     between times at which multipliers are given, infinite where there is none; and whether the step is the one that
     crosses it."""
     (start, first), (stop, last) = begin, end
-    parts = jnp.where(sticking, jnp.inf, _parts(law, first[rows], last[rows]))
+    ends = _felt(law, first[rows]), _felt(law, last[rows])
+    parts = jnp.where(sticking, jnp.inf, _parts(law, *ends))
     slip, part = jnp.argmin(parts), jnp.min(parts)
     found, least = part < jnp.inf, (_NEAR if play is None else _NEAR_SIDES) * apart
     near = jnp.maximum(least, 10 * jnp.finfo(stop.dtype).eps * jnp.abs(stop))
     t = start + part * (stop - start)
     if play is not None:
         bends, found = found, found | (jnp.all(jnp.isfinite(first)) & ~_same_sides(play, first, last))
-        through = _through(law, slip, part, (first[rows], last[rows]))
+        through = _through(law, slip, part, ends)
 
         def value(multipliers: Float[Array, " m"]) -> Array:
             side = jnp.where(_same_sides(play, first, multipliers), 1.0, -1.0)
@@ -73,6 +74,11 @@ def bend(
     crosses = found & (stop - start <= 4 * near)
     aim = jnp.where(t - start > near, t - near / 2, start + 2 * near)
     return jnp.where(found & ~crosses, aim, jnp.inf), crosses
+
+
+def _felt(law: Law, loads: Float[Array, " l"]) -> Float[Array, " l"]:
+    """Loads, of contacts that would pull none: where they begin to they open, which is an event of its own."""
+    return loads if law.pushing is None else jnp.where(law.pushing, jnp.maximum(loads, 0.0), loads)
 
 
 def _through(law: Law, slip: Array, part: Array, ends: tuple[Array, Array]) -> Callable[[Array], Array]:
