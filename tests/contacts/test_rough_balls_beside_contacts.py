@@ -85,6 +85,7 @@ class Pendulum:
         return strikes, np.array([(falls if t <= strikes else rests).sol(t)[3:] for t in times])
 
 
+@pytest.mark.slow
 def test_a_pendulum_on_a_rough_ball_strikes_a_plane_as_its_slip_has_turned_about():
     """The direction of its slip turns by more than a right angle before the tip strikes."""
     rod = rx.spatial.Body("rod", ROD, inertia=tuple(INERTIA), centre=tuple(CENTRE))

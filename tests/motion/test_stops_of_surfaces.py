@@ -57,6 +57,7 @@ def test_a_sleeve_stops_and_goes_on_another_way():
     assert run.stats.steps < 40
 
 
+@pytest.mark.slow
 def test_a_sleeve_begins_under_loads_that_just_exceed_friction():
     """The velocity, and its derivatives by the forces, which friction turns by much more than the loads leave."""
     masses = np.array([0.7, 3.5])
@@ -104,6 +105,7 @@ def test_a_force_across_a_slide_to_a_stop(turned, mode):
     np.testing.assert_allclose(slope, by_a_force_across(turned), rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_stop_and_what_follows_by_the_load_that_turns_a_sleeve():
     # Where the way of the slide changes with loads, by differences of the motion as it is.
     masses, way = np.array([0.7, 3.5]), np.array([np.cos(-0.4), np.sin(-0.4)])
