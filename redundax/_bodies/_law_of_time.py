@@ -16,7 +16,6 @@ from .._tools._module import (
     figure,
     finite,
     floats,
-    given_by,
     is_concrete,
     is_real,
     part,
@@ -46,7 +45,7 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
     with part(f"the driver '{name}'"):
         check_takes(argument, law, "t")
         with tracing(argument):
-            given = given_by(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
+            given = eqx.filter_eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
     if not is_real(given):
         shown = f"an object of the type {type(given).__name__}"
         if given is None or isinstance(given, str | complex):

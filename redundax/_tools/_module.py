@@ -163,13 +163,8 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
-def given_by(function: Callable[..., object], *arguments: PyTree) -> object:
-    """What a function of the user gives where it is traced, also if JAX takes no such thing; shapes of its arrays."""
-    return eqx.filter_eval_shape(function, *arguments)
-
-
 def is_real(value: object, shape: tuple[int, ...] = ()) -> bool:
-    """Whether what `given_by` found is real numbers of a shape; truth values count as 0 and 1."""
+    """Whether what `eqx.filter_eval_shape` found is real numbers of a shape; truth values count as 0 and 1."""
     if isinstance(value, jax.ShapeDtypeStruct | np.ndarray | np.generic):
         kinds = jnp.floating, jnp.integer, jnp.bool
         return value.shape == shape and any(jnp.issubdtype(value.dtype, kind) for kind in kinds)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, given_by, is_real, part, tracing
+from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, is_real, part, tracing
 from .._body import GROUND, name_of
 from .._pose import Motion, Pose, Wrench
 from ._base import AbstractLoad, M, W
@@ -36,7 +36,7 @@ class AbstractLoadFunction(AbstractLoad[M, W]):
             check_takes("function", self.function, "motion_i", "motion_j", "t", "parameters")
         with part(f"{type(self).__name__} on '{self.i}'"), tracing("function"):
             still = self.still(), self.still(), jnp.zeros(())
-            given = given_by(lambda i, j, t: self.function(i, j, t, self.parameters), *still)
+            given = eqx.filter_eval_shape(lambda i, j, t: self.function(i, j, t, self.parameters), *still)
         force, moment = (len(self.frame.linear),), (len(self.frame.angular),) if len(self.frame.angular) > 1 else ()
         pair = given if isinstance(given, tuple | list) else (given,)
         parts = (("force", force), ("moment", moment))
