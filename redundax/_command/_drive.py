@@ -18,7 +18,6 @@ from .._drive._run import Run
 from .._models._build import limited
 from .._models._formats import MODELS
 from .._models._model import Model, load_model
-from .._models._tree import DIGITS
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -103,7 +102,7 @@ def _opened(arguments: argparse.Namespace) -> tuple[AbstractSystem, State, Model
 def _beyond(model: Model, run: Run) -> Iterator[str]:
     """Joints that the motion leads beyond their limits, which bear no load in it, as the file counts them."""
     for part, coordinate, now in limited(model.described):
-        values, slack = now + np.asarray(run[coordinate]), DIGITS * (model.tree.size if part.kind == "slide" else 1.0)
+        values, slack = now + np.asarray(run[coordinate]), model.tree.slack(part)
         (low, high), least, most = part.limits or (-np.inf, np.inf), np.nanmin(values), np.nanmax(values)
         if least < low - slack or most > high + slack:
             yield f"{part.name} goes from {least:.4g} to {most:.4g}, limits are {low:.4g} and {high:.4g}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._tools._errors import RedundaxError
-from ._tree import DIGITS, OPEN, Tree
+from ._tree import OPEN, Tree
 
 
 class Limit(NamedTuple):
@@ -67,7 +67,7 @@ def outside(tree: Tree, positions: np.ndarray) -> tuple[Limit, ...]:
             at[joint.name] = 2 * float(np.arctan2(np.linalg.norm(turn[1:]), abs(turn[0])))
     for part in (*tree.joints, *tree.loops):
         if part.limits and part.name in at:
-            (low, high), own, slack = part.limits, at[part.name], DIGITS * (tree.size if part.kind == "slide" else 1.0)
+            (low, high), own, slack = part.limits, at[part.name], tree.slack(part)
             if not low - slack <= own <= high + slack:
                 found.append(Limit(part.name, own, low if own < low else high))
     return tuple(found)

@@ -99,6 +99,10 @@ class Tree:
         """Bodies of the file that move, by their numbers: those between joints of one body move with it."""
         return [joint.child.body for joint in self.joints if not self.description.is_between(joint)]
 
+    def slack(self, part: Joint | Loop) -> float:
+        """By how much the count of a hinge or slide may pass a limit, as the digits of its file tell no less."""
+        return DIGITS * (self.size if part.kind == "slide" else 1.0)
+
     def at(self, positions: np.ndarray) -> Poses:
         """Poses of all bodies, and what velocities of the joints move."""
         count = len(self.description.bodies)
