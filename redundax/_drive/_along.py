@@ -366,33 +366,34 @@ def instant(path: Path, k: int, of: Callable[[Path], Callable[[int], bool]]) -> 
 
     - `of`: gives of a path what tells of each of its times whether it is so.
     """
-    q, (low, high), count = path.q[k - 1], np.asarray(path.t)[k - 1 : k + 1].tolist(), together(len(path.t))
+    q, (low, high) = path.q[k - 1], np.asarray(path.t)[k - 1 : k + 1].tolist()
     for _ in range(_ROUNDS):
-        times = jnp.linspace(low, high, count)
-        track = begun(jnp.asarray(q), times[0], len(path.system.coordinates))
-        finer = path._replace(t=times, q=follow_known(*path.given, track, times).q)
-        is_so, first, last = of(finer), 0, count - 1
+        finer = between(path, q, low, high, together(len(path.t)))
+        is_so, first, last = of(finer), 0, len(finer.t) - 1
         while last - first > 1:
             middle = (first + last) // 2
             first, last = (first, middle) if is_so(middle) else (middle, last)
-        q, low, high = finer.q[first], float(times[first]), float(times[last])
+        q, low, high = finer.q[first], float(finer.t[first]), float(finer.t[last])
     return high
+
+
+def between(path: Path, q: Array | np.ndarray, low: float, high: float, count: int = _TOGETHER) -> Path:
+    """The path from a position of it on, at so many times between two."""
+    times = jnp.linspace(low, high, count)
+    track = begun(jnp.asarray(q), times[0], len(path.system.coordinates))
+    return path._replace(t=times, q=follow_known(*path.given, track, times).q)
 
 
 def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
     """When between two of the times the least singular value is least, and that."""
-    q, t = path.q[low], (path.t[low], path.t[high])
-    given, at, value = path.given, float(t[0]), np.inf
+    q, t = path.q[low], (float(path.t[low]), float(path.t[high]))
+    at, value = t[0], np.inf
     for _ in range(_ROUNDS):
-        times = np.linspace(float(t[0]), float(t[1]), _TOGETHER)
-        track = begun(jnp.asarray(q), jnp.asarray(times[0]), len(path.system.coordinates))
-        positions = follow_known(*given, track, jnp.asarray(times)).q
-        values = np.asarray(
-            _moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(jnp.asarray(times))))).weakest
-        )
+        finer = between(path, q, *t)
+        values = np.asarray(_moving_batch(*path.given, finer.q, finer.t, finer.beside).weakest)
         j = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
-        at, value = (float(times[j]), float(values[j])) if values[j] < value else (at, value)
-        q, t = positions[max(j - 1, 0)], (times[max(j - 1, 0)], times[min(j + 1, _TOGETHER - 1)])
+        at, value = (float(finer.t[j]), float(values[j])) if values[j] < value else (at, value)
+        q, t = finer.q[max(j - 1, 0)], (float(finer.t[max(j - 1, 0)]), float(finer.t[min(j + 1, _TOGETHER - 1)]))
     return at, value
 
 

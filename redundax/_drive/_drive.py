@@ -27,7 +27,7 @@ from .._equations._scaling import Scaling
 from .._solvers._solver import AbstractSolver, Newton, check_solver
 from .._system._directions import directions_of
 from .._system._friction import have_sense
-from .._system._names import DRIVE, ByName, Names
+from .._system._names import DRIVE, ByName
 from .._system._results import RESULTS, result_codes
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
@@ -38,12 +38,13 @@ from ._along import Laws, Path, along, decide, in_batches, laws_and_held, narrow
 from ._loads import Loads, Moving, loads, moving
 from ._one_by_one import (
     Batch,
+    Held,
     Touching,
     as_closed,
     asked_again,
     driven_by,
-    of_closed_contacts,
-    of_contacts,
+    held_at,
+    none_held,
     touching,
     until_reached,
     with_codes,
@@ -109,16 +110,15 @@ def drive(
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
-    names, start, contacts = system.names, None, None
-    if names.one_sided and are_known(driven := with_laws(system, laws), ts, q):
+    held, start, contacts = Held(system.names, np.ones(len(system.names.one_sided), bool)), None, None
+    if system.names.one_sided and are_known(driven := with_laws(system, laws), ts, q):
         start = started(driven, laws, ts, q, throw)
-        none = of_contacts(names, np.zeros(len(names.one_sided), bool))
-        held = laws_and_held(system, laws, hold, start)
-        if decide(with_laws(as_closed(system.whole, none), held), start):
-            names, contacts = none, (system, start)
+        held, every_law = none_held(system), laws_and_held(system, laws, hold, start)
+        if decide(with_laws(as_closed(system.whole, held), every_law), start):
+            contacts = system, start
         else:
-            names = of_closed_contacts(system, start)
-    path = along(as_closed(system, names), laws, ts, q, hold, throw, start)
+            held = held_at(system, start)
+    path = along(as_closed(system, held), laws, ts, q, hold, throw, start)
     if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
@@ -126,13 +126,13 @@ def drive(
         )
     if not are_known(path, closure):
         _refuse_inside(system, closure)
-        return _solved(path, names, cast(AbstractClosure, closure), solver, throw)
-    path, said = until_reached(system, names, path, throw)
+        return _solved(path, held, cast(AbstractClosure, closure), solver, throw)
+    path, said = until_reached(system, held, path, throw)
     if isinstance(closure, LeastPeak):
         count = len(path.system.undriven.rows)
 
         def forces_of(path: Path, contacts: tuple[AbstractSystem, State] | None, one: AbstractClosure) -> np.ndarray:
-            return -np.asarray(_solved(path, names, one, solver, False, contacts).multipliers)[:, count:]
+            return -np.asarray(_solved(path, held, one, solver, False, contacts).multipliers)[:, count:]
 
         smooth = path._replace(system=path.system.without_friction)
         beside = contacts and (contacts[0].without_friction, contacts[1])
@@ -140,7 +140,7 @@ def drive(
         sharing = [each.name for each in drives_of(path.system) if each.row >= count]
         closure, shared = closure.shared(*both, sharing, np.asarray(path.t), throw)
         said = *said, *shared
-    run = _solved(path, names, closure, solver, throw, contacts)
+    run = _solved(path, held, closure, solver, throw, contacts)
     run = replace_fields(run, remarks=(*run.remarks, *said))
     if not system.names.one_sided:
         return run
@@ -165,7 +165,7 @@ def _refuse_inside(system: AbstractSystem, closure: AbstractClosure | LeastPeak)
 
 def _solved(
     path: Path,
-    names: Names,
+    held: Held,
     closure: AbstractClosure,
     solver: AbstractSolver,
     throw: bool | None,
@@ -188,7 +188,7 @@ def _solved(
     run = replace_fields(run, system=path.system, remarks=remarks, stays=stays)
     touches = touching(*contacts, path, run) if contacts else ()
     alone = ~np.any([np.zeros_like(good), *(touch.at for touch in touches)], axis=0)
-    run = asked_again(path, names, closure, Batch(run, good, senses), asked, throw, alone)
+    run = asked_again(path, held, closure, Batch(run, good, senses), asked, throw, alone)
     for touch in touches:
         run = _touched(run, touch, choices[0], solver)
     if throw is not False:
@@ -208,7 +208,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
     apart = np.abs(at.acceleration - run.acceleration) / np.asarray(path.scale.coordinates)
     together = apart.max(axis=1) <= tolerance_of(_CONTRADICTS, apart) * np.nanmax(sizes, initial=0.0)
     good = together & _is_good(at._replace(contradiction=np.zeros_like(at.weakest)), found, solver)
-    own = asked_again(path, touch.names, closure, Batch(own, good, senses), None, False, touch.at)
+    own = asked_again(path, touch.held, closure, Batch(own, good, senses), None, False, touch.at)
     return with_contacts(run, own, touch)
 
 

@@ -34,35 +34,49 @@ from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
 from .._tools._numbers import as_arrays, as_program, computed, tolerance_of
 from .._tools._waiting import telling_of
-from ._along import Path, instant, scaled
+from ._along import Path, between, instant, scaled
 from ._run import Run
 from ._senses import Senses
 
 _RESTS = 1e-9, 1e3  # of the largest acceleration, at least so many roundings: none
 
 
-def as_closed(system: AbstractSystem, names: Names) -> AbstractSystem:
-    """The system whose one-sided contacts of these names hold both ways, without the others; they are told where they
-    pull."""
-    all_names = system.names
-    if not all_names.one_sided:
+class Held(NamedTuple):
+    """The names of a system, and which of its contacts hold both ways along a motion; others are left out."""
+
+    names: Names
+    contacts: Bool[np.ndarray, " contacts"]
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """The one-sided rows that hold."""
+        return tuple(itertools.compress(self.names.one_sided, self.contacts))
+
+    @property
+    def open_rows(self) -> tuple[int, ...]:
+        """Those that are left out."""
+        return tuple(itertools.compress(self.names.one_sided, ~self.contacts))
+
+
+def as_closed(system: AbstractSystem, held: Held) -> AbstractSystem:
+    """The system with these contacts alone, which are told where they pull."""
+    names = held.names
+    if not names.one_sided:
         return system
-    closed = np.isin(all_names.one_sided, names.one_sided)
-    if not closed.all():
-        system = system.opened(on_device(rows_that_hold(all_names, closed, closed)))
-    pushing = tuple(sorted({*names.pushing, *names.one_sided}))
+    if not held.contacts.all():
+        system = system.opened(on_device(rows_that_hold(names, held.contacts, held.contacts)))
+    pushing = tuple(sorted({*names.pushing, *held.rows} - {*held.open_rows}))
     return _named(system, dataclasses.replace(names, pushing=pushing, one_sided=(), tied=()))
 
 
-def of_closed_contacts(system: AbstractSystem, start: State) -> Names:
-    """The names of a system, those of contacts without the ones that are open at the start of the motion."""
-    return of_contacts(system.names, np.asarray(_gaps(system, start)) <= 0)
+def none_held(system: AbstractSystem) -> Held:
+    """A motion along which no contact holds."""
+    return Held(system.names, np.zeros(len(system.names.one_sided), bool))
 
 
-def of_contacts(names: Names, kept: Bool[np.ndarray, " contacts"]) -> Names:
-    """The names of a system, those of contacts without the ones that are not kept."""
-    rows, tied = (tuple(itertools.compress(each, kept)) for each in (names.one_sided, names.tied))
-    return dataclasses.replace(names, one_sided=rows, tied=tied)
+def held_at(system: AbstractSystem, start: State) -> Held:
+    """One along which those hold that are closed at its start."""
+    return Held(system.names, np.asarray(_gaps(system, start)) <= 0)
 
 
 @computed
@@ -71,32 +85,54 @@ def _gaps(system: AbstractSystem, state: State) -> Float[Array, " contacts"]:
     return -overlaps(system, state) - largest_violation(state.q.dtype)
 
 
-def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool | None) -> tuple[Path, tuple[str, ...]]:
+def until_reached(system: AbstractSystem, held: Held, path: Path, throw: bool | None) -> tuple[Path, tuple[str, ...]]:
     """A motion up to where a contact that is open at its start would be reached, and words on that."""
-    open_rows = [row for row in system.names.one_sided if row not in names.one_sided]
+    open_rows = list(held.open_rows)
     if not open_rows:
         return path, ()
 
     def over(path: Path) -> Float[np.ndarray, "times rows"]:
         return _overlaps(system, path, open_rows)
 
-    beyond = over(path) > largest_violation(path.q.dtype)
-    if not beyond.any():
+    limit = largest_violation(path.q.dtype)
+    finer, k = _first_beyond(path, over, limit)
+    if k is None:
         return path, ()
-    k = int(np.argmax(beyond.any(axis=1)))
-    reached = [system.rows.labels[row] for row, own in zip(open_rows, beyond[k], strict=True) if own]
+    reached = [system.rows.labels[row] for row, far in zip(open_rows, over(finer)[k], strict=True) if far > limit]
 
     def is_reached(finer: Path) -> Callable[[int], bool]:
         far = over(finer)
         return lambda j: bool(np.any(far[j] > 0))
 
-    t = instant(path, k, is_reached) if k else float(np.asarray(path.t)[0])
+    t = instant(finer, k, is_reached) if k else float(np.asarray(path.t)[0])
     said = f"Contacts are reached at t = {t:.6g}: {', '.join(reached)}."
     if throw is not False:
         raise NoSolutionError(
             f"{said} End the motion before. With `throw=False` it is given up to there, and NaN beyond."
         )
-    return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
+    return path._replace(q=jnp.where((np.asarray(path.t) < t)[:, None], path.q, jnp.nan)), (said,)
+
+
+def _first_beyond(
+    path: Path, over: Callable[[Path], Float[np.ndarray, "times rows"]], limit: float
+) -> tuple[Path, int | None]:
+    """The first time at which contacts are gone into, None if there is none, and the path it is a time of: a finer one
+    where that is between two times only, as may be where overlaps rise and fall again, and tangents pass the limit."""
+    t, far = np.asarray(path.t), over(path)
+    beyond = (far > limit).any(axis=1)
+    last = int(np.argmax(beyond)) if beyond.any() else None
+    if len(t) > 1:
+        rates = np.gradient(far, t, axis=0, edge_order=2 if len(t) > 2 else 1)
+        (a, b), (c, d) = (far[:-1], far[1:]), (rates[:-1], rates[1:])
+        rises = (c > 0) & (d < 0)
+        meet = (b - a - d * np.diff(t)[:, None]) / np.where(rises, c - d, 1.0)
+        looked_at = np.any(rises & (a + c * meet > limit), axis=1)[:last]
+        for k in np.flatnonzero(looked_at).tolist():
+            finer = between(path, path.q[k], t[k], t[k + 1])
+            within = (over(finer) > limit).any(axis=1)
+            if within.any():
+                return finer, int(np.argmax(within))
+    return path, last
 
 
 def driven_by(path: Path, base: AbstractSystem) -> AbstractSystem:
@@ -105,23 +141,23 @@ def driven_by(path: Path, base: AbstractSystem) -> AbstractSystem:
 
 
 class Touching(NamedTuple):
-    """Contacts that are closed at some times of a motion that laws decide by themselves: the names of a system with
-    these alone, the motion with them held, and when that is."""
+    """Contacts that are closed at some times of a motion that laws decide by themselves: these, the motion with them
+    held, and when that is."""
 
-    names: Names
+    held: Held
     path: Path
     at: Bool[np.ndarray, " times"]
 
 
 def touching(system: AbstractSystem, start: State, path: Path, run: Run) -> tuple[Touching, ...]:
     """Which contacts of a system are closed when, on the path that laws give without them."""
-    at, names, found = (jnp.asarray(x) for x in (run.q, run.qd, run.t)), system.names, []
+    at, found = (jnp.asarray(x) for x in (run.q, run.qd, run.t)), []
     closed = np.asarray(_closed(system.anonymous, *at))
     for own in np.unique(closed[closed.any(axis=1)], axis=0):
-        of_these = of_contacts(names, own)
-        held = driven_by(path, as_closed(system.whole, of_these))
-        again = path._replace(system=held, scale=scaled(held, start)[0])
-        found.append(Touching(of_these, again, (closed == own).all(axis=1)))
+        held = Held(system.names, own)
+        with_these = driven_by(path, as_closed(system.whole, held))
+        again = path._replace(system=with_these, scale=scaled(with_these, start)[0])
+        found.append(Touching(held, again, (closed == own).all(axis=1)))
     return tuple(found)
 
 
@@ -180,14 +216,14 @@ class Batch(NamedTuple):
 
 def asked_again(
     path: Path,
-    names: Names,
+    held: Held,
     closure: AbstractClosure,
     batch: Batch,
     ask: Callable[[Path], Batch] | None,
     throw: bool | None,
     times: Bool[np.ndarray, " times"] | bool = True,
 ) -> Run:
-    """A run with answers where the batch has none, for the names of the system whose contacts open.
+    """A run with answers where the batch, with contacts held, has none: contacts open there.
 
     - `ask`: gives the batch of a path; None where contacts may lift.
     - `times`: which of them are asked; others are not.
@@ -195,21 +231,21 @@ def asked_again(
     (run, good, _), system = batch, cast(AbstractSystem, batch.run.system)
     before = {name: np.array(getattr(run.before, name)) for name in ("multipliers", "friction")}
     arrays = {name: np.array(getattr(run, name)) for name in (*before, "acceleration")}
-    if names.one_sided:
-        system = _named(system, names)
+    if held.rows:
+        system = _named(system, held.names)
         for lam in (arrays["multipliers"], before["multipliers"]):
-            good = good & ~pulls_of(lam, names.one_sided, system.rows.angular).any(axis=-1)
+            good = good & ~pulls_of(lam, held.rows, system.rows.angular).any(axis=-1)
     if closure.clearances(system) is not None:
         good, run = np.zeros_like(good), replace_fields(run, stays=np.full_like(run.stays, np.nan))
     codes, t, remarks = np.full(len(good), result_codes()["successful"]), np.asarray(run.t), run.remarks
 
     def lifts(finer: Path) -> Callable[[int], bool]:
         there = cast(Callable[[Path], Batch], ask)(finer)
-        return lambda j: bool(_lifting(names, _solutions(system, there, j, closure)[1]))
+        return lambda j: bool(_lifting(held, _solutions(system, there, j, closure)[1]))
 
     for k in _told(np.flatnonzero(~good & times).tolist(), len(good)):
         codes[k], found = _solutions(system, batch, k, closure)
-        lifting = _lifting(names, found)
+        lifting = _lifting(held, found)
         if lifting and ask is not None:
             said = _in_words(lifting, instant(path, k, lifts) if k else t[0])
             if throw is not False:
@@ -238,7 +274,7 @@ def with_contacts(run: Run, own: Run, touch: Touching) -> Run:
     """A run of a motion without contacts, with what is so with them where they are closed. Where none of them pushes
     drives are as determined as without."""
     lam = np.abs(np.asarray(own.multipliers))
-    pushes = ~(lam[:, list(touch.names.one_sided)] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
+    pushes = ~(lam[:, list(touch.held.rows)] <= CLEAR * lam.max(axis=1, keepdims=True)).all(axis=1)  # NaN, too
 
     def chosen(at: np.ndarray, *names: str) -> dict[str, PyTree]:
         def put(a: Array, b: Array) -> np.ndarray:
@@ -264,12 +300,12 @@ def _solutions(
     return max(int(jax.tree.leaves(one.result)[0]) for one in found), (found[0], found[-1])
 
 
-def _lifting(names: Names, found: tuple[Solution, Solution] | None) -> tuple[str, ...]:
+def _lifting(held: Held, found: tuple[Solution, Solution] | None) -> tuple[str, ...]:
     """Contacts that open and stay so in one of the solutions."""
-    if found is None or not names.one_sided:
+    if found is None or not held.rows:
         return ()
     left = np.any([np.isin(np.asarray(one.contact), LEFT_OUT) for one in found], axis=0)
-    return tuple(name for name, own in zip(names.contacts, left, strict=True) if own)
+    return tuple(itertools.compress(held.names.contacts, left & held.contacts))
 
 
 def _in_words(lifting: tuple[str, ...], t: float) -> str:

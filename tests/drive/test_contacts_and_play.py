@@ -15,7 +15,7 @@ import redundax as rx
 G = 9.81
 
 
-def shaken(aside=0.0):
+def shaken(aside=0.0, couplers=()):
     """A block of 10 kg that lies on three feet on a tray of 2 kg, and a force of 50 N down on it, aside of its middle.
 
     The travel of the tray is down.
@@ -28,7 +28,7 @@ def shaken(aside=0.0):
     side = rx.PinInSlot("side", "block", "tray", (0.0, 0.0), (0.0, 0.0), (1.0, 0.0))
     press = rx.AppliedForce("block", (0.0, -50.0), (aside, 0.0))
     bodies = [rx.Body("tray", 2.0, 0.1), rx.Body("block", 10.0, 0.4)]
-    return rx.Mechanism(bodies, [tray, *feet, side], loads=[press], gravity=(0.0, -G))
+    return rx.Mechanism(bodies, [tray, *feet, side], couplers=couplers, loads=[press], gravity=(0.0, -G))
 
 
 def test_a_foot_that_would_pull_carries_nothing_and_one_that_lifts_ends_the_motion():
@@ -55,6 +55,37 @@ def test_a_foot_that_would_pull_carries_nothing_and_one_that_lifts_ends_the_moti
     assert "Contacts lift" in str(run)
     with pytest.raises(rx.NoSolutionError, match=r"lift at t = 0: f0, f1\. .* Press them together\. With"):
         rx.drive(shaken(1.0), {"guide.travel": rx.Harmonic(0.0, frequency=2.0)}, ts, start)  # at rest
+
+
+def test_a_foot_that_would_pull_carries_nothing_beside_a_stop_that_is_open():
+    ts, laws = np.linspace(0.0, 0.5, 5), {"guide.travel": rx.Harmonic(0.01, frequency=2.0)}
+    machine = shaken(0.78, [rx.Stop("end", "guide.travel", least=-0.02, most=0.02)])
+    run = rx.drive(machine, laws, ts, {"block.y": 0.2})
+    load = 10 * (G + 0.01 * (4 * np.pi) ** 2 * np.sin(4 * np.pi * ts)) + 50
+    last = 0 * load + 50 * 0.78 / 0.3
+    names = "f0.perpendicular", "f1.perpendicular", "f2.perpendicular", "end.most"
+    np.testing.assert_allclose([run[name] for name in names], [0 * load, load - last, last, 0 * load], atol=1e-9)
+
+
+def test_a_stop_that_is_passed_between_two_times_ends_the_motion_there():
+    """phi = a sin(pi t)^2, whose most is at t = 0.5, beside a stop at 2 rad."""
+    rod = rx.Mechanism(
+        [rx.Body("rod", 2.0, 0.1)],
+        [rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))],
+        couplers=[rx.Stop("s", "A.angle", least=-0.1, most=2.0)],
+    )
+
+    def driven(most, count):
+        law = jax.tree_util.Partial(lambda most, t: most * jnp.sin(jnp.pi * t) ** 2, most)
+        return rx.drive(rod, {"A.angle": law}, np.linspace(0.0, 1.0, count), {"rod.x": 0.5})
+
+    for most, count in ((2.001, 12), (2.3, 8)):
+        t = np.arcsin(np.sqrt(2.0 / most)) / np.pi
+        with pytest.raises(rx.NoSolutionError, match=rf"reached at t = {t:.6g}: s\.most\. End"):
+            driven(most, count)
+    for count in (11, 12):  # it touches the stop at one of the times, and between two
+        rate = 2 * np.pi**2 * 2.0 * np.cos(2 * np.pi * np.linspace(0.0, 1.0, count))
+        np.testing.assert_allclose(driven(2.0, count)["A.angle torque"][:5], 0.6 * rate[:5], rtol=1e-9)
 
 
 def test_laws_that_read_traced_numbers_from_outside_are_refused_beside_contacts():
