@@ -5,6 +5,7 @@ compiled program. What a batch leaves open, as singular positions and friction t
 asked of `solve`, time by time.
 """
 
+import itertools
 from collections.abc import Sequence
 from functools import partial
 from typing import cast
@@ -25,8 +26,6 @@ from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, pl
 from .._closures._play import refuse_play
 from .._equations._scaling import Scaling
 from .._solvers._solver import AbstractSolver, Newton, check_solver
-from .._system._directions import directions_of
-from .._system._friction import have_sense
 from .._system._names import DRIVE, ByName
 from .._system._results import RESULTS, result_codes
 from .._system._state import State
@@ -51,7 +50,7 @@ from ._one_by_one import (
     with_contacts,
 )
 from ._run import Drive, Moment, Run
-from ._senses import NOISE, Senses, senses_of, signs_of
+from ._senses import NOISE, Senses, never_slip, senses_of, signs_of
 from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
@@ -306,13 +305,9 @@ def _put(x: np.ndarray, new: np.ndarray, rest: np.ndarray, turns: np.ndarray) ->
 
 def _of_joints_that_never_slip(system: AbstractSystem, senses: Senses) -> tuple[str, ...]:
     """What is to be said of friction that no motion gives a sense."""
-    never = np.all((senses.after == 0) & (senses.before == 0), axis=0) & np.array(have_sense(system.friction), bool)
-    joints = directions_of(system.friction) if never.any() else None
-    never = never if joints is None else np.asarray(joints.every(never))
-    if not never.any():
-        return ()
-    names = [f"tau {label}" for label, one in zip(system.slips.labels, never, strict=True) if one]
-    return (f"Friction of joints that do not slip at any of the times is taken as none: {', '.join(names[:_NAMED])}.",)
+    labels = list(itertools.compress(system.slips.labels, never_slip(system, senses)))
+    names = ", ".join(f"tau {label}" for label in labels[:_NAMED])
+    return (f"Friction of joints that do not slip at any of the times is taken as none: {names}.",) if names else ()
 
 
 def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:

@@ -9,7 +9,7 @@ move. Contacts that are open are left out until one would be reached.
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple, cast
 
 import jax
@@ -36,7 +36,7 @@ from .._tools._numbers import as_arrays, as_program, computed, tolerance_of
 from .._tools._waiting import telling_of
 from ._along import Path, between, instant, scaled
 from ._run import Run
-from ._senses import Senses
+from ._senses import Senses, never_slip
 
 _RESTS = 1e-9, 1e3  # of the largest acceleration, at least so many roundings: none
 
@@ -228,9 +228,10 @@ def asked_again(
     - `ask`: gives the batch of a path; None where contacts may lift.
     - `times`: which of them are asked; others are not.
     """
-    (run, good, _), system = batch, cast(AbstractSystem, batch.run.system)
+    (run, good, senses), system = batch, cast(AbstractSystem, batch.run.system)
     before = {name: np.array(getattr(run.before, name)) for name in ("multipliers", "friction")}
     arrays = {name: np.array(getattr(run, name)) for name in (*before, "acceleration")}
+    system = _without_friction(system, itertools.compress(system.slips.labels, never_slip(system, senses)))
     if held.rows:
         system = _named(system, held.names)
         for lam in (arrays["multipliers"], before["multipliers"]):
@@ -262,6 +263,13 @@ def asked_again(
     result = jax.tree.map(lambda _: codes, RESULTS.successful)
     before = replace_fields(run.before, **before)
     return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
+
+
+def _without_friction(system: AbstractSystem, slips: Iterable[str]) -> AbstractSystem:
+    """A system without friction of joints, by the labels of their slips, where these have names."""
+    names = {name for label in slips for name in (label, label.rpartition(".")[0])}
+    joints = names.intersection(system.names.joint_names)
+    return system.rubbing(dict.fromkeys(joints, 0.0)) if joints else system
 
 
 def _told(times: list[int], count: int) -> Iterator[int]:

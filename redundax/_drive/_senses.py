@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._system._directions import directions_of
+from .._system._friction import have_sense
 from .._system._system import AbstractSystem
 from .._tools._module import numpy_of
 from .._tools._numbers import tolerance_of
@@ -55,6 +56,14 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
     after, before = xp.where(some_after, after, before), xp.where(some_before, before, after)
     sliding = xp.where(rests, 0.0, signs[:, 0])
     return Senses(rests, xp.where(rests, before, sliding), xp.where(rests, after, sliding))
+
+
+def never_slip(system: AbstractSystem, senses: Senses) -> Bool[np.ndarray, " p"]:
+    """Which slips have friction that no motion gives a sense; it is taken as none."""
+    rests = np.all((senses.after == 0) & (senses.before == 0), axis=0)
+    joints = directions_of(system.friction) if rests.any() else None
+    rests = rests & np.array(have_sense(system.friction), bool)
+    return rests if joints is None else np.asarray(joints.every(rests))
 
 
 def signs_of(system: AbstractSystem, slips: Float[Array, "... p"]) -> Float[Array, "... p"]:

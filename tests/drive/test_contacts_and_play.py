@@ -15,13 +15,13 @@ import redundax as rx
 G = 9.81
 
 
-def shaken(aside=0.0, couplers=()):
+def shaken(aside=0.0, couplers=(), **foot):
     """A block of 10 kg that lies on three feet on a tray of 2 kg, and a force of 50 N down on it, aside of its middle.
 
     The travel of the tray is down.
     """
     feet = [
-        rx.PinInSlot(f"f{k}", "block", "tray", (x, -0.1), (x, 0.1), (0.0, 1.0), one_sided=True)
+        rx.PinInSlot(f"f{k}", "block", "tray", (x, -0.1), (x, 0.1), (0.0, 1.0), one_sided=True, **foot)
         for k, x in enumerate((-0.3, 0.0, 0.3))
     ]
     tray = rx.Translational("guide", "tray", "ground", (0.0, 0.0), (0.0, 0.0), (1.0, 0.0))
@@ -50,6 +50,8 @@ def test_a_foot_that_would_pull_carries_nothing_and_one_that_lifts_ends_the_moti
     first = np.flatnonzero(ts > lifts)[0]
     with pytest.raises(rx.NoSolutionError, match=f"lift at t = {lifts:.6g}: f0, f1, f2.* or move more slowly"):
         rx.drive(shaken(), wide, ts, start)
+    with pytest.raises(rx.NoSolutionError, match=f"lift at t = {lifts:.6g}: f0, f1, f2"):
+        rx.drive(shaken(friction=rx.Coulomb(0.3)), wide, ts, start)  # feet that never slip
     run = rx.drive(shaken(), wide, ts, start, throw=False)
     assert np.all(np.isfinite(run.forces[:first])) and np.all(np.isnan(run.forces[first:]))
     assert "Contacts lift" in str(run)
