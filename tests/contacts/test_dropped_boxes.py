@@ -35,7 +35,7 @@ def thrown(seed, count):
 
 @pytest.mark.parametrize(
     ("seed", "count"),
-    [(9, 2), *(pytest.param(seed, count, marks=slow) for count, seeds in WORSE.items() for seed in seeds)],
+    [pytest.param(9, 2, marks=slow), *(pytest.param(seed, count, marks=slow) for count, seeds in WORSE.items() for seed in seeds)],
 )
 def test_laws_hold_whatever_contacts_do(seed, count):
     feet, mu, run = thrown(seed, count)

@@ -123,6 +123,7 @@ def test_a_ball_screw_needs_the_torque_by_hand_and_friction_differs_on_both_side
     np.testing.assert_allclose(one.friction, run.friction[10], rtol=0, atol=1e-9 * np.abs(one.friction).max())
 
 
+@pytest.mark.slow
 def test_a_screw_jack_raises_and_lowers_a_load_by_the_angle_of_friction():
     """W r tan(friction angle +- lead) for a square thread, at rest between both; power is friction's and the load's."""
     mu, radius, pitch, weight = 0.12, 0.009, 0.005, 200.0
@@ -221,6 +222,7 @@ def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
         rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm({"left.travel": 200.0}, rails))
 
 
+@pytest.mark.slow
 def test_least_peak_is_that_of_drives_whose_share_presses_a_pin_that_rubs(monkeypatch):
     """A lever on a rough pin, level at t = 0, lifted at both ends. Where both drives are at the same share of their
     limits, p, u_right = p l_right and u_left = -p l_left, a balance of moments says p."""

@@ -71,6 +71,7 @@ def test_two_laws_of_one_coordinate_are_refused(capsys):
     assert "`--law` gives 'A.angle' two laws. Leave one" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_joints_that_a_motion_leads_beyond_their_limits_are_told(tmp_path, capsys):
     """A hinge that the file counts from 0.2 rad on, to 0.5: a law of 20, meant as degrees, leads it to 20.2."""
     hinge = '<joint name="A" axis="0 1 0" ref="0.2" range="0 0.5"/><geom size="0.1" pos="0.3 0 0"/>'

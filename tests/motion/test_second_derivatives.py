@@ -135,7 +135,7 @@ def test_a_ball_that_bounces_has_none_past_its_impact():
     assert jnp.isnan(second[1])
 
 
-@pytest.mark.parametrize("transformation", [jax.jacfwd, jax.hessian])
+@pytest.mark.parametrize("transformation", [jax.jacfwd, pytest.param(jax.hessian, marks=slow)])
 def test_modes_that_do_not_fit_the_adjoint_are_refused_by_name(transformation):
     def angle(rate):
         pin = rx.Revolute("A", "rod", "ground", (0.0, 0.5), (0.0, 0.0))

@@ -116,6 +116,7 @@ def test_turns_are_counted_by_accelerations_too_in_any_unit_of_angles(angle=180 
     np.testing.assert_allclose(motion["h.angle"], angle * np.array([0.0, 8.0, 64.0]), rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_brake_makes_no_turns():
     """A rotor of 2 rad/s that friction stops within 2 ms, long before it is looked at again: v^2 / 2a."""
     rotor = rx.spatial.Body("rotor", 2.0, (0.01, 0.01, 0.01))

@@ -105,6 +105,7 @@ def test_a_load_that_grows_lets_a_block_go():
     np.testing.assert_allclose(ends.stats.end, changes[1], rtol=0, atol=1e-8)
 
 
+@slow
 def test_a_light_load_lets_a_block_go_beside_a_wheel_that_spins():
     """As in orbit: the speed of the wheel tells nothing of how little the block needs to set off."""
     mass, mu, gravity, force = 2.0, 0.2, 5e-6, 2.04e-6

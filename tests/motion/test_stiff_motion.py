@@ -42,6 +42,7 @@ def pulled(times, stiffness=STIFFNESS, damping=DAMPING):
     return (forced * np.exp(1j * RATE * times)).imag + (free @ np.exp(np.outer(roots, times))).real
 
 
+@slow
 def test_an_implicit_solver_takes_over_where_springs_are_stiff_alone(monkeypatch):
     """An explicit one would take 200,000 steps; a spring a million times as soft is one program with it, and stays."""
     taken, made = [], _integrate.in_tangent

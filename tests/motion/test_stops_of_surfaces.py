@@ -40,6 +40,7 @@ def at_start(mechanism, velocity):
     return rx.assemble(mechanism, rates={"joint.angle": velocity[0] / RADIUS, "joint.travel": velocity[1]})
 
 
+@pytest.mark.slow
 def test_a_sleeve_stops_and_goes_on_another_way():
     masses, slows, stop = np.array([0.7, 3.5]), 7.0, 0.3
     limit, way = MU * masses[1] * GRAVITY, np.array([0.8, -0.6])
@@ -149,6 +150,7 @@ def by_scale_of_its_speed(turned, begins, **how):
     return way, quad(moves, 0.0, np.inf, epsabs=1e-13)[0]
 
 
+@pytest.mark.slow
 def test_a_stop_of_a_slide_that_turns_by_its_speed():
     # What errors of steps leave across it is more than what is left along it: friction is as before all the same.
     way, truth = by_scale_of_its_speed(4.0, (0.8, 0.3), rtol=1e-9, adjoint=diffrax.ForwardMode())

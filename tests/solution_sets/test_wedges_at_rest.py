@@ -55,6 +55,7 @@ def ladder(angle, friction, force, moment, way):
     return rod, rx.State([0.0, 0.0, angle], np.zeros(3)), stands
 
 
+@pytest.mark.slow
 def test_ladders_stand_wherever_friction_can_hold_them():
     random = np.random.default_rng(0)
     for _ in range(26):

@@ -12,6 +12,7 @@ CORNERS = np.array([(0.5, 0.4), (-0.5, 0.4), (-0.5, -0.4), (0.5, -0.4)])  # m
 MASS, SPIN, WEIGHT, HEIGHT, MU = 10.0, 1.5, 98.1, 0.5, 0.5
 
 
+@pytest.mark.slow
 def test_friction_is_found_about_the_push_at_which_a_foot_is_let_go():
     """Its multiplier and slack are both zero there, and slacks of the other feet far smaller than their multipliers."""
     slips = np.concatenate([[[1.0, 0.0, -y], [0.0, 1.0, x]] for x, y in CORNERS])

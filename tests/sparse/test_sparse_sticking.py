@@ -102,7 +102,7 @@ def test_no_array_of_a_motion_grows_with_the_square_of_the_mechanism():
     assert largest(40) < 2.5 * largest(20)
 
 
-@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("sparse", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_pins_of_a_rigid_triangle_on_a_moving_crank_stick(sparse):
     """They cannot slip, so that what they would is rounding."""
     rod, tip = {"mass": 1.0, "inertia": 1 / 12}, 3**0.5 / 2

@@ -103,6 +103,7 @@ def test_units_reach_texts_and_data():
     assert found.multipliers.attrs == {"linear_unit": "N", "angular_unit": "N mm"}
 
 
+@pytest.mark.slow
 def test_units_reach_bands_families_and_pictures():
     mechanism = rx.mechanisms.wojtyra2020(u=1000.0)
     state = mechanism.state(phi=0.8, rate=1.0)

@@ -73,6 +73,7 @@ def test_a_second_run_compiles_nothing(tmp_path):
     assert len(list(kept.glob("*-cache"))) == hits[1]
 
 
+@pytest.mark.slow
 def test_a_folder_that_cannot_be_written_fails_no_command(tmp_path):
     taken = tmp_path / "taken"
     taken.write_text("a file")

@@ -28,6 +28,7 @@ def test_it_is_that_of_lu_in_few_products(size, radius, most):
     np.testing.assert_allclose(across, np.linalg.solve(matrix.T, pull), rtol=0, atol=1e-11 * np.abs(across).max())
 
 
+@pytest.mark.slow
 def test_equations_that_no_search_solves_have_none():
     turns = jnp.roll(jnp.eye(100), 1, axis=0) - jnp.eye(100)
     found = krylov_solution(lambda x: turns @ x, jnp.zeros(100).at[0].set(1.0))

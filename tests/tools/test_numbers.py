@@ -267,7 +267,8 @@ def _twice(mass=1.0) -> tuple[rx.System, rx.State]:
     return system, rx.State([0.0, 0.0], [0.0, 0.0])
 
 
-@pytest.mark.parametrize("often", [pytest.param(0, marks=pytest.mark.slow), sys.maxsize])
+@pytest.mark.slow
+@pytest.mark.parametrize("often", [0, sys.maxsize])
 def test_what_functions_of_the_user_hold_may_be_traced(monkeypatch, often):
     monkeypatch.setattr(_numbers, "OFTEN", often)
     system, state = _twice()
