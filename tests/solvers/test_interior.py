@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from redundax._solvers._interior import interior
 from redundax._system._directions import Directions
