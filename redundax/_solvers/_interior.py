@@ -25,6 +25,9 @@ _NEAR = 1e-9
 # The smaller of both of each joint, and what equations miss, relative to their parts, where it ends; at least so many
 # roundings.
 _OPEN, _MISSED = (1e-11, 1e2), (1e-11, 1e3)
+# How often joints that slip are put on their limits, which friction moves. It takes the last digits of their slack, of
+# which the root bounds the error of accelerations.
+_LAST = 8
 
 
 class Interior(NamedTuple):
@@ -106,7 +109,21 @@ def interior(
     )
     tied = jnp.asarray(same / jnp.sum(same, axis=1, keepdims=True), free.dtype)
     end = jax.lax.while_loop(going, lambda now: _stepped(equations, now, held, tied, enough[0]), begin)
-    tau = arms * unit * end.force
+
+    def off(force: Array) -> tuple[Array, Array, Array, Array]:
+        """Friction about the middles of joints that slip, their radii and sizes, and how far off that is."""
+        middle, squared = within(force)
+        about = jnp.where(held & (end.multiplier > end.slack), force - middle, 0.0)
+        size = jnp.sqrt(jnp.where(which, about**2, 0.0).sum(axis=1))
+        radius = jnp.where(size > 0, jnp.sqrt(squared), 0.0)
+        return about, radius, size, jnp.max(jnp.abs(radius - size), initial=0.0)
+
+    def on_limit(_: int, force: Array) -> Array:
+        about, radius, size, _ = off(force)
+        return force + about * (radius / jnp.where(size > 0, size, 1.0) - 1) * (size > 0)
+
+    last = jax.lax.fori_loop(0, _LAST, on_limit, end.force)
+    tau = arms * unit * jnp.where(off(last)[3] < off(end.force)[3], last, end.force)
     low, high = limits(tau)
     loaded = directions.any(low < high) & ~blocked  # by friction, too
     found = (end.open <= enough[0]) & (end.missed <= enough[1]) & jnp.any(held) & ~jnp.any(loaded & ~held)

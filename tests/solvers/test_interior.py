@@ -40,6 +40,7 @@ def test_friction_is_found_about_the_push_at_which_a_foot_is_let_go():
     assert np.min(slack) > -1e-9 and np.max(np.minimum(slack, starts)) < 1e-8
     against = np.sum(alpha * tau, axis=2) + starts * np.linalg.norm(tau, axis=2)
     np.testing.assert_allclose(against, 0.0, atol=1e-8)
+    np.testing.assert_allclose(slack[starts > 1e-3] / most[starts > 1e-3], 0.0, atol=1e-14)
     assert np.all(starts[:, [0, 2, 3]] > 1e-3) and np.ptp(np.sign(slack[:, 1] - 1e-9)) == 2  # it holds, and is let go
 
 
