@@ -119,7 +119,7 @@ def interior(
         return about, radius, size, jnp.max(jnp.abs(radius - size), initial=0.0)
 
     def on_limit(_: int, force: Array) -> Array:
-        about, radius, size, _ = off(force)
+        about, radius, size = off(force)[:3]
         return force + about * (radius / jnp.where(size > 0, size, 1.0) - 1) * (size > 0)
 
     last = jax.lax.fori_loop(0, _LAST, on_limit, end.force)
