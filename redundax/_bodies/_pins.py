@@ -1,12 +1,12 @@
 """Pins that are too large for their mechanism, as where a radius is in mm and points are in m."""
 
 import itertools
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from .._tools._module import is_concrete
+from .._tools._words import warn
 from ._body import GROUND
 from ._friction_model import Coulomb, Dahl, LuGre, RegularisedCoulomb, Stribeck
 from ._joints import AbstractJoint, AbstractRubbingJoint
@@ -20,10 +20,9 @@ def warn_of_large_pins(joints: Sequence[AbstractJoint]) -> None:
     size = _size(joints) if radii else 0.0
     large = [f"{radius:.4g} in '{name}'" for name, radius in radii.items() if radius > _LARGE * size]
     if size > 0 and large:
-        warnings.warn(
+        warn(
             f"Friction acts at a radius, mu times `pin_radius`, of {', '.join(large)}, beside a largest distance of "
-            f"joints of {size:.4g}. Is `pin_radius` in the length unit of the points?",
-            stacklevel=5,  # through the class of its class, to where the mechanism is built
+            f"joints of {size:.4g}. Is `pin_radius` in the length unit of the points?"
         )
 
 

@@ -109,7 +109,7 @@ class ElasticJoints(AbstractClosure):
         check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then how its joints give way.")
         kind = _KINDS[mechanism.frame.word]
         if isinstance(joints, Mapping):
-            joints = [kind(name, *_pair(name, figures)) for name, figures in joints.items()]
+            joints = [kind(name, *_pair("joints", name, figures)) for name, figures in joints.items()]
         _check_space(joints, mechanism.frame)
         names = mechanism.names.joint_names
         given = {joint.joint: joint for joint in joints}
@@ -125,7 +125,7 @@ class ElasticJoints(AbstractClosure):
         check_kind("drives", drives, Mapping, "compliances by name of coordinate", 'Give {"A.angle": 1e-6}, say.')
         for name, figures in drives.items():
             index_of("drives", name, known, " of coordinates")
-            softness, error = figures if isinstance(figures, tuple) else (figures, 0.0)
+            softness, error = (*_pair("drives", name, figures, "it and its error"), 0.0)[:2]
             self.drives[name] = as_float(softness, "drives"), as_float(error, "drives")
             not_negative("drives", self.drives[name][0])
         self.play = play_of(mechanism, play, units)
@@ -207,17 +207,22 @@ def seats_of(
     return tuple(stacks)
 
 
-def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayLike, ...]:
+def _pair(
+    argument: str,
+    name: str,
+    figures: ArrayLike | tuple[ArrayLike, ...],
+    pair: str = "that of translation and that of rotation",
+) -> tuple[ArrayLike, ...]:
     given = figures if isinstance(figures, tuple) else (figures,)
     if isinstance(figures, AbstractJointCompliance):
         raise RedundaxError(
-            f"Argument `joints` must have numbers by name of joint, but has a {type(figures).__name__} for '{name}'. "
+            f"Argument `{argument}` must have numbers by name, but has a {type(figures).__name__} for '{name}'. "
             "Give these as a list: they have names of their own."
         )
     if len(given) not in (1, 2):
         raise RedundaxError(
-            f"Argument `joints` must have one compliance for '{name}', or a pair of that of translation and that of "
-            f"rotation, but has {len(given)}. Put those of the axes in a list: {list(given)}."
+            f"Argument `{argument}` must have one compliance for '{name}', or a pair of {pair}, but has "
+            f"{len(given)}. Put those of the axes in a list: {list(given)}."
         )
     return given
 

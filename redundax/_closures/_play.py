@@ -4,7 +4,6 @@ A joint with play c carries nothing until its parts have moved by c, and then as
 load: its loads cost c |lam| of energy. Pins, sleeves and balls have it in all directions alike, c |lam_xy|.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
@@ -21,6 +20,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, finite, not_negative
 from .._tools._numbers import entries_set, take, xp
 from .._tools._value import AbstractModule
+from .._tools._words import warn
 
 _ROUND = ({"x", "y"}, {"radial_1", "radial_2"})  # rows of pins and sleeves, which have play in a disc
 
@@ -99,13 +99,13 @@ def round_rows(labels: Sequence[str], name: str) -> tuple[int, ...]:
     return ()
 
 
-def warn_of_idle_play(play: Play, redundant: np.ndarray, labels: Sequence[str], stacklevel: int) -> None:
+def warn_of_idle_play(play: Play, redundant: np.ndarray, labels: Sequence[str]) -> None:
     """Tell which play changes no load, given the rows whose loads are not unique."""
     idle = [rows for rows in play.rows if not np.any(redundant[list(rows)])]
     if idle:
         names = [labels[rows[0]] if len(rows) == 1 else labels[rows[0]].rpartition(".")[0] for rows in idle]
         loads = "its loads are" if len(idle) == 1 else "their loads are"
-        warnings.warn(f"Play of {', '.join(names)} changes no load: {loads} unique.", stacklevel=stacklevel + 1)
+        warn(f"Play of {', '.join(names)} changes no load: {loads} unique.")
 
 
 T = TypeVar("T")

@@ -10,7 +10,6 @@ misfit, compliance is mere weights, up to 1000, or joints give way by less than 
 """
 
 import dataclasses
-import warnings
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -20,6 +19,7 @@ from .._system._axis import Axis
 from .._system._names import Names
 from .._system._units import StatedUnits
 from .._tools._module import is_concrete
+from .._tools._words import warn
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
@@ -29,9 +29,7 @@ _IN_M, _IN_MM = StatedUnits(1.0), StatedUnits(1e3, mass=1e-3)
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(
-    names: Names, length: Array, closure: AbstractClosure, given: Elasticity, multipliers: Array, stacklevel: int
-) -> None:
+def check_units(names: Names, length: Array, closure: AbstractClosure, given: Elasticity, multipliers: Array) -> None:
     """Warn, once for each closure whose loads are known, where its concrete values look as if they were in other units.
 
     `length` is that of the factorised mechanism, `given` what the closure gave at its state, and `multipliers` those of
@@ -50,7 +48,7 @@ def check_units(
         _of_misfit(names, misfit, scale),
     )
     for problem in filter(None, problems):
-        warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
+        warn(f"{problem}; if the figures are meant, ignore this warning.")
 
 
 def _diagonal(compliance: np.ndarray) -> np.ndarray:

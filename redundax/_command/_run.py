@@ -60,10 +60,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
     """The arguments; what is wrong with them may repeat names of files, and is told as other messages are."""
-    told = io.StringIO()
+    told, parser = io.StringIO(), argument_parser()
     try:
         with contextlib.redirect_stderr(told):
-            return argument_parser().parse_args(argv)
+            arguments, more = parser.parse_known_args(argv)
+            if more:
+                once = "give an option once for each name, as in --hold A --hold B"
+                parser.error(f"{once}; unrecognized arguments: {' '.join(more)}")
+            return arguments
     except SystemExit:
         if told.getvalue():
             tell(told.getvalue().rstrip())

@@ -10,7 +10,7 @@ from .._system._contact import words
 from .._system._export import frame_of
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
-from .._system._names import index_of
+from .._system._names import Named, index_of
 from .._system._pages import notes, outcome
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
@@ -112,9 +112,7 @@ class Run(AbstractNamed):
     def contacts(self) -> dict[str, str | np.ndarray]:
         """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open", "" where there
         is no answer."""
-        if self.contact is None or self.system is None:
-            return {}
-        return words(self.contact, self.system.names.contacts)
+        return words(self.contact, None if self.system is None else self.system.names)
 
     @property
     def states(self) -> State:
@@ -255,7 +253,7 @@ class Run(AbstractNamed):
         return -multipliers[..., np.array([drive.row for drive in self.drives], int)]
 
     def _by_name(self, values: Array) -> dict[str, Array]:
-        return {drive.name: value for drive, value in zip(self.drives, values, strict=True)}
+        return Named(zip((drive.name for drive in self.drives), values, strict=True))
 
     @property
     def _own(self) -> dict[str, tuple[str, int]]:

@@ -55,7 +55,7 @@ def thrown(
         if end is not None and is_one_of(out.result, RESULTS.step_too_small, RESULTS.contacts_undecided):
             told += _about_to_change(system, out)
         raise NoSolutionError(RESULTS[out.result] + told)
-    warn_of_pulling(out.names, out.multipliers, stacklevel=3)
+    warn_of_pulling(out.names, out.multipliers)
     return out
 
 

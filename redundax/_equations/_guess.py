@@ -1,7 +1,6 @@
 """What people give as a guess: numbers that are finite, and angles in radians."""
 
 import math
-import warnings
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -9,6 +8,7 @@ from jax.typing import ArrayLike
 
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
+from .._tools._words import warn
 
 
 def check_finite(labels: Sequence[str], **arguments: ArrayLike | Mapping[str, ArrayLike]) -> None:
@@ -34,10 +34,9 @@ def ask_for_radians(
     }
     if large:
         words = ", ".join(f"{name} = {value:g}" for name, value in large.items())
-        warnings.warn(
+        warn(
             f"Angles are in radians, but those given are more than a turn: {words}. Are they degrees? "
-            "jnp.deg2rad makes radians of them.",
-            stacklevel=3,
+            "jnp.deg2rad makes radians of them."
         )
 
 

@@ -1,12 +1,12 @@
 """What an assembly leaves of rows and given values, and how it is told."""
 
-import warnings
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._tools._numbers import stop_gradient, xp
+from .._tools._words import warn
 from ._scaling import largest_violation
 
 
@@ -50,7 +50,7 @@ def tell(what: str, misfit: Misfit, labels: tuple[str, ...]) -> None:
             "all digits, or declare the `rank` to `solve`."
         )
     if told:
-        warnings.warn(told, stacklevel=3)
+        warn(told)
 
 
 def misfit_of(size: Array, scale: Array, settled: Array, weakest: Array, rounding: float) -> Misfit:

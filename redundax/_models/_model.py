@@ -3,7 +3,6 @@
 import dataclasses
 import os
 import pathlib
-import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
@@ -16,12 +15,12 @@ from .._bodies._loads import AbstractLoad
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
 from .._bodies._speed_driver import SpeedDriver
-from .._system._names import index_of
+from .._system._names import Named, index_of
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, check_kind, finite, floats, on_device
 from .._tools._table import text_of
-from .._tools._words import printable
+from .._tools._words import printable, warn
 from ._build import Added, bodies_of, mechanism_of, position_of
 from ._content import refusal
 from ._description import CLOSING, WITHOUT, Description, missing_of
@@ -155,7 +154,7 @@ class Model:
     @property
     def bodies(self) -> dict[str, Body]:
         """The moving bodies by their names, for joints and loads that `extended` adds."""
-        return {body.name: body for body in bodies_of(self.described)}
+        return Named((body.name, body) for body in bodies_of(self.described))
 
     def extended(
         self,
@@ -326,20 +325,18 @@ def _tell_misfit(path: pathlib.Path, misfits: dict[str, float], left: float) -> 
     """Warn of loops that close to the digits of a file only."""
     if left > _CLOSED:
         worst = max(misfits, key=lambda name: misfits[name])
-        warnings.warn(
+        warn(
             f"The loops of '{path}' close to {misfits[worst]:.1g} m or rad only, '{worst}' worst: numbers of the file "
-            "have few digits. Give it all digits, unless they are measured.",
-            stacklevel=3,
+            "have few digits. Give it all digits, unless they are measured."
         )
 
 
 def _tell_missing(path: pathlib.Path, notes: tuple[str, ...]) -> None:
     """Warn of what constrains and is not in the mechanism."""
     if missing := missing_of(notes):
-        warnings.warn(
+        warn(
             f"'{path}' is read without {', '.join(missing)}, which may constrain: `notes` of the model say more.",
             LeftOutWarning,
-            stacklevel=3,
         )
 
 

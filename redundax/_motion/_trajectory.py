@@ -134,9 +134,7 @@ class Trajectory(AbstractNamed):
     def contacts(self) -> dict[str, str | np.ndarray]:
         """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open"; "" where the
         motion did not get to."""
-        if self.contact is None or self.names is None:
-            return {}
-        return words(self.contact, self.names.contacts)
+        return words(self.contact, self.names)
 
     @property
     def centres(self) -> Float[Array, "..."]:

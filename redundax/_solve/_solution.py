@@ -144,9 +144,7 @@ class Solution(AbstractNamed):
     def contacts(self) -> dict[str, str | np.ndarray]:
         """What each one-sided contact does, by the name of its joint or row: "carries", "touches" (closed without
         load), "lifts" or "open"; of a batch arrays of words."""
-        if self.contact is None or self.names is None:
-            return {}
-        return words(self.contact, self.names.contacts)
+        return words(self.contact, self.names)
 
     @property
     def pulling(self) -> tuple[str, ...]:

@@ -153,7 +153,7 @@ def solve(
         solution, factor = _with_contacts(system, state, rank, closure, solver, (x0, sense))
         play = None if system.names.one_sided or closure is None else closure.clearances(system)
         if play is not None and are_known(factor, closure):
-            warn_of_idle_play(play, np.asarray(cast(Any, factor).in_self_stress), system.rows.labels, stacklevel=2)
+            warn_of_idle_play(play, np.asarray(cast(Any, factor).in_self_stress), system.rows.labels)
         return _told(solution, system, state, throw, factor)
     if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)
@@ -164,7 +164,7 @@ def solve(
             own, factor, chosen = _closed(own, at, rank, picked, as_numbers(factor) if known else factor)
         solution = solve_factorised(own.anonymous, at, factor, chosen, solver, x0, sense)
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
-            check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
+            check_units(system.names, factor.length, closure, chosen, solution.multipliers)
     return _told(solution, system, state, throw, factor)
 
 

@@ -20,6 +20,7 @@ from .._system._results import result_codes
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_kind
+from .._tools._words import warn
 from ._distributions import AbstractDistribution, check_percentiles, check_power, sobol
 from ._layout import SAMPLE, outcomes
 from ._study import study, whole
@@ -101,7 +102,7 @@ def ensemble(
     if not solved.all():
         ended = ", ".join(f"{name}: {count}" for name, count in ends.items() if name not in _GOOD)
         text = f"{np.sum(~solved)} of {solved.size} motions did not get to the end ({ended})"
-        warnings.warn(f"{text}: bands rest on the others from there on, `q_count` says how many.", stacklevel=2)
+        warn(f"{text}: bands rest on the others from there on, `q_count` says how many.")
     return found
 
 

@@ -10,7 +10,6 @@ import contextlib
 import os
 import signal
 import threading
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
@@ -26,6 +25,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_call, check_kind, check_whole
 from .._tools._optional import optional
 from .._tools._progress import progress as told
+from .._tools._words import warn
 from ._layout import Layout, layout, named, storable
 from ._processes import check_threads, fetch, meet, of_first, refuse, spread
 from ._store import File, Follower, Memory, Store
@@ -162,7 +162,7 @@ def _fill(store: Store, size: int, chunk: int, compute: Callable[[int], dict[str
     except KeyboardInterrupt:
         if jax.process_count() > 1:
             raise
-        warnings.warn(f"The study was stopped after {store.done} of {size} samples.", stacklevel=3)
+        warn(f"The study was stopped after {store.done} of {size} samples.")
 
 
 @contextlib.contextmanager

@@ -8,7 +8,6 @@ The gradient holds for small tolerances; the shares are those of the whole sampl
 linear law of the parameters explains: curvature, reversals of a load, parameters that act together.
 """
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +26,7 @@ from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import check_call
+from .._tools._words import warn
 from ._distributions import AbstractDistribution, check_distributions, check_percentiles, check_power, entries, sobol
 from ._layout import SAMPLE, named, outcomes
 from ._study import study, whole
@@ -130,7 +130,7 @@ def tolerance_study(
         )
     if not solved.all():
         text = f"{np.sum(~solved)} of {solved.size} samples have no solution and are left out of the statistics"
-        warnings.warn(f"{text}{_why(data)}.", stacklevel=2)
+        warn(f"{text}{_why(data)}.")
     statistics = _statistics(data, linear.names, solved, _standard(given, parameters), percentiles)
     coords = {"parameter": inputs, "percentile": [*percentiles]}
     return _together(data, linear, solved, statistics, coords)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool
 
 from .._tools._errors import RedundaxError
 from .._tools._numbers import Numeric, take, xp
-from ._names import Names
+from ._names import Named, Names
 
 
 class Contact(enum.StrEnum):
@@ -67,14 +67,15 @@ def rows_closed(names: Names, contacts: Mapping[str, str]) -> tuple[Bool[np.ndar
     return closed, rows_that_hold(names, closed, closed)
 
 
-def words(codes: Numeric, names: tuple[str, ...]) -> dict[str, str | np.ndarray]:
-    """What contacts do, by name, and "" where it is not known; of a batch arrays of words."""
+def words(codes: Numeric | None, names: Names | None) -> dict[str, str | np.ndarray]:
+    """What contacts do, by name, and "" where it is not known; of a batch arrays of words. None do anything where there
+    are none, or no names."""
+    if codes is None or names is None:
+        return Named()
     table = np.array([*map(str, _WORDS), ""])
     columns = np.moveaxis(np.asarray(codes), -1, 0)
-    return {
-        name: (*_WORDS, "")[int(column)] if column.ndim == 0 else table[column]
-        for name, column in zip(names, columns, strict=True)
-    }
+    own = ((*_WORDS, "")[int(column)] if column.ndim == 0 else table[column] for column in columns)
+    return Named(zip(names.contacts, own, strict=True))
 
 
 def in_sentences(contacts: Mapping[str, str | np.ndarray]) -> list[str]:

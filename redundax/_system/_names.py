@@ -16,8 +16,9 @@ Names never reach compiled programs: systems go there anonymous, and results get
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import jax
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
@@ -33,6 +34,7 @@ ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal ent
 DRIVE = " drive"  # ends the name of the row that holds a coordinate to a law of time
 _LISTED = 8  # names that an error lists
 _NONE = Axis((), ())
+T = TypeVar("T")
 
 
 class Quantity(NamedTuple):
@@ -277,6 +279,20 @@ def indices_of(argument: str, name: str, known: Sequence[str], what: str = "", a
         f"Argument `{argument}` must hold names{what}, but holds {name!r}. {did_you_mean(str(name), [*known, *also])}"
         f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."
     )
+
+
+class Named(dict[str, T]):
+    """Values by name, of which one that is not there is refused with those that are."""
+
+    def __missing__(self, name: str) -> T:
+        return list(self.values())[index_of("name", name, list(self))]
+
+
+jax.tree_util.register_pytree_node(
+    Named,
+    lambda named: (tuple(named.values()), tuple(named)),
+    lambda names, values: Named(zip(names, values, strict=True)),
+)
 
 
 def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:

@@ -1,6 +1,5 @@
 """Contacts that push alone, as teeth do: which of them pull in a solution, and what that means."""
 
-import warnings
 from collections.abc import Sequence
 
 import jax
@@ -9,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
+from .._tools._words import warn
 from ._names import Names
 
 _ROUNDING = 1e-9  # relative to the largest force of a joint
@@ -60,8 +60,8 @@ def changing(rows: tuple[str, ...]) -> str:
     return "CHANGE OF FLANK" if all(row.endswith(".teeth") for row in rows) else "CONTACT LOST"
 
 
-def warn_of_pulling(names: Names | None, multipliers: Float[Array, "*batch m"], stacklevel: int) -> None:
+def warn_of_pulling(names: Names | None, multipliers: Float[Array, "*batch m"]) -> None:
     """Tell that contacts pull, where that is known and any does."""
     rows = pulling(names, multipliers) if is_concrete(multipliers) else ()
     if rows:
-        warnings.warn(in_words(rows), stacklevel=stacklevel + 1)
+        warn(in_words(rows))

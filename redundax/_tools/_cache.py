@@ -4,11 +4,11 @@ import os
 import pathlib
 import sys
 import tempfile
-import warnings
 
 import jax
 
 from ._module import check_kind
+from ._words import warn
 
 LIMIT = 256 * 10**6  # bytes of the folder when a run starts
 
@@ -48,7 +48,7 @@ def keep_programs(folder: str | os.PathLike[str] | None = None) -> None:
         _drop_oldest(folder)
     except (OSError, RuntimeError) as error:  # RuntimeError: of a user without a home
         if wish:
-            warnings.warn(f"No programs are kept: {error}. Name another folder as {named}.", stacklevel=2)
+            warn(f"No programs are kept: {error}. Name another folder as {named}.")
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -7,7 +7,6 @@ import functools
 import inspect
 import operator
 import os
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import ModuleType, UnionType
 from typing import Any, SupportsIndex, TypeVar, cast
@@ -24,7 +23,7 @@ from ._compilation import is_loopless
 from ._errors import RedundaxError
 from ._numbers import are_numbers
 from ._value import AbstractModule
-from ._words import short
+from ._words import short, warn
 
 T = TypeVar("T")
 N = TypeVar("N", bound=str | int)
@@ -47,11 +46,10 @@ def as_float(value: Numbers, argument: str = "") -> Array:
 @functools.cache
 def _tell_of_single_precision() -> None:
     """Once: it is a setting of the process."""
-    warnings.warn(
+    warn(
         "redundax works in float32, about 7 digits, as JAX does unless told otherwise, and has just cut numbers of "
         "more digits. Put jax.config.update('jax_enable_x64', True) at the start, before a mechanism is built; or give "
-        "float32 arrays where single precision is wanted.",
-        stacklevel=3,
+        "float32 arrays where single precision is wanted."
     )
 
 
@@ -161,6 +159,10 @@ def tracing(argument: str) -> Iterator[None]:
             f"Argument `{argument}` must be a function that JAX can trace, but math.sin, np.sin, float() or an `if` in "
             "it wants a known number. Write it with jax.numpy: jnp.sin, jnp.where."
         ) from error
+    except TypeError as error:
+        if "not a valid JAX type" not in str(error):  # as of text that a function of `jax.jit` gives
+            raise
+        raise RedundaxError(f"Argument `{argument}` must give numbers, but {error}. Return those alone.") from error
 
 
 def is_real(value: object, shape: tuple[int, ...] = ()) -> bool:
@@ -345,6 +347,7 @@ def as_matrix(argument: str, value: Numbers, size: int, owner: str = "") -> Floa
             f"Argument `{argument}`{owner and f' of {owner}'} must be a number or have shape ({size},) or "
             f"({size}, {size}), but has {array.shape}. Give one number for all directions, one for each, or a matrix."
         )
+    finite(argument, array, owner)
     return on_device(array if array.ndim == 2 else array * numpy_of(array).eye(size, dtype=array.dtype))
 
 

@@ -2,13 +2,18 @@
 
 import difflib
 import heapq
+import inspect
+import itertools
 import operator
 import reprlib
+import traceback
 import unicodedata
+import warnings
 from collections.abc import Iterable
 
 _ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode: control, format (as of direction), halves, line ends
 _SAME = 0.1  # what the same first word adds to how near a name is
+_BETWEEN = ("redundax", "equinox", "jax", "jaxtyping", "contextlib", "functools")
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict, _SHORT.maxstring, _SHORT.maxother = 2, 4, 4, 60, 60
 
@@ -16,6 +21,13 @@ _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict, _SHORT.maxstring, _SHORT.maxoth
 def short(value: object) -> str:
     """A value of any size as a message shows it."""
     return _SHORT.repr(value)
+
+
+def warn(text: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line of the user, whatever calls stand between: of redundax, or of what calls it and is called."""
+    frames = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_stack(inspect.currentframe()))
+    ours = itertools.takewhile(lambda name: name.partition(".")[0] in _BETWEEN, frames)
+    warnings.warn(text, category, stacklevel=1 + len(list(ours)))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -1,6 +1,7 @@
 """What a new user gets wrong in a call: refused in words that name the argument, the part and what to give instead."""
 
 import os
+import warnings
 
 import equinox as eqx
 import jax
@@ -58,10 +59,6 @@ KINDS = {
     "to stick": (lambda: rx.sticking(PENDULUM, STATE.q), "`state` must be a state"),
     "coupler": (lambda: rx.Mechanism([ROD], [PIN], couplers=["gear"]), "`couplers` must hold couplers"),
     "pose": (lambda: rx.Mechanism([ROD], [PIN], pose=0.3), "`pose` must be a function"),
-    "body for name": (
-        lambda: rx.Revolute("A", ROD, "ground", HERE, HERE),
-        "`i` of a Revolute .* the Body itself.* 'rod'",
-    ),
     "number for name": (lambda: rx.Body(1, 1.0, 0.1), "`name` must be a word"),
     "placement": (lambda: rs.Revolute("A", BAR, "ground", on_i=(0, 0, 0), on_j=(0, 0, 0)), "`on_i` of joint 'A'"),
     "figures": (
@@ -75,7 +72,11 @@ KINDS = {
     "compliances": (lambda: rx.ElasticJoints(PENDULUM, ["A"]), "`joints` must be compliances of joints alone"),
     "compliances by name": (
         lambda: rx.ElasticJoints(PENDULUM, {"A": rx.JointCompliance("A", 1e-8)}),
-        "`joints` must have numbers by name of joint, but has a JointCompliance for 'A'. Give these as a list",
+        "`joints` must have numbers by name, but has a JointCompliance for 'A'. Give these as a list",
+    ),
+    "three of a drive": (
+        lambda: rx.ElasticJoints(PENDULUM, {"A": 1e-8}, drives={"A.angle": (1e-6, 0.0, 0.0)}),
+        "`drives` must have one compliance for 'A.angle', or a pair of it and its error, but has 3",
     ),
     "a load": (lambda: rx.limit_load(PENDULUM, STATE, 1.0), "`load` must be generalised forces by name"),
     "a load of a mechanism": (
@@ -107,6 +108,10 @@ KINDS = {
     "a law of text": (
         lambda: rx.AngleDriver("M", "rod", "ground", lambda t: "0.3"),
         "`angle` of the driver 'M' must give a number at a time, but gives '0.3'",
+    ),
+    "a compiled law of text": (
+        lambda: rx.AngleDriver("M", "rod", "ground", jax.jit(lambda t: "0.3")),
+        "`angle` of the driver 'M' must give numbers",
     ),
     "a law of lists": (
         lambda: rx.drive(PENDULUM, {"A.angle": lambda t: [t]}, np.linspace(0, 1, 3), {}),
@@ -194,6 +199,7 @@ KINDS = {
     "mean": (lambda: rx.Normal("x", 1.0), "`mean` must be a number"),
 }
 NUMBERS = {
+    "compliance": (lambda: rx.ElasticJoints(PENDULUM, {"A": np.inf}), "`translation` of joint .A. must be finite"),
     "mass NaN": (lambda: rx.Body("rod", NAN, 0.1), "`mass` of body 'rod' must be finite, but is nan"),
     "mass infinite": (lambda: rx.Body("rod", np.inf, 0.1), "`mass` of body 'rod' must be finite"),
     "inertia NaN": (lambda: rs.Body("bar", 1.0, np.full((3, 3), NAN)), "`inertia` of body 'bar' must be finite"),
@@ -264,6 +270,24 @@ def test_known_numbers_alone_are_checked():
     rx.DistanceDriver("D", "rod", "ground", HERE, (0, 1), lambda t: 0.0 * t)  # a law of time may pass through 0
     with pytest.raises(TypeError):  # in space a moment by position would be a point
         rs.AppliedForce(BAR, (0, 0, 1), (0, 0, 1))
+
+
+def test_parts_in_the_plane_take_a_body_or_its_name():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rx.Revolute("A", ROD, "ground", HERE, HERE).i == rx.AppliedForce(ROD, moment=1.0).i == "rod"
+
+
+def test_what_drives_give_is_asked_for_by_name_and_play_that_is_idle_told_where_it_is_given():
+    ts, joints = np.linspace(0.0, 1.0, 3), rx.ElasticJoints(PENDULUM, {"A": 1e-8}, play={"A": 1e-6})
+    with pytest.warns(UserWarning, match="Play of A changes no load") as told:
+        run = rx.drive(PENDULUM, {"A.angle": 0.3}, ts, {}, closure=joints)
+    if os.environ.get("REDUNDAX_CHECKS") != "on":  # whose calls stand between
+        assert {each.filename for each in told} == {__file__}
+    assert jax.tree.map(np.shape, run.peak) == {"A.angle": ()}
+    for figures in (run.peak, run.energy, run.contacts):
+        with pytest.raises(KeyError, match=r"`name` must hold names, but holds 'A'"):
+            figures["A"]
 
 
 def test_rates_have_the_names_of_coordinates_or_of_results():

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._module import figure
+from .._body import name_of
 from .._pose import Pose
 from ._base import AbstractJoint, Row
 
@@ -39,8 +40,8 @@ class AngleCoupling(AbstractJoint[Pose]):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("angle", "moment"),)
     name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     ratio: Float[Array, ""] = eqx.field(converter=figure("ratio"))
     angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=0.0)
 

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import check_kind, figure, part, replace_fields
+from .._body import name_of
 from .._frame import AbstractFrame, P
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
@@ -119,8 +120,8 @@ class AbstractPointJoint(AbstractJoint[Pose]):
     """A joint at a point of each body, in the plane."""
 
     name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
     point_j: Float[Array, "2"] = eqx.field(converter=figure("point_j"))
 

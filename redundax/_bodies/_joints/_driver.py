@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._tools._module import safe_norm
+from .._body import name_of
 from .._law_of_time import check_distance, check_law, law_of_time
 from .._pose import Pose
 from ._base import AbstractJoint, AbstractPointJoint, Row
@@ -38,8 +39,8 @@ class AngleDriver(AbstractJoint[Pose]):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("angle", "moment"),)
     name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     angle: Callable[[Array], Array] = eqx.field(converter=partial(law_of_time, argument="angle"))
 
     def __check_init__(self) -> None:

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import figure, names_in, part, positive, unit
+from .._body import name_of
 from .._frame import P
 from .._pose import Pose, perpendicular
 from ._base import AbstractJoint, AbstractPointJoint, Row
@@ -144,8 +145,8 @@ class KnifeEdge(AbstractJoint[Pose]):
     velocity_rows: ClassVar[tuple[str, ...]] = ("across",)
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "direction")
     name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
     direction: Float[Array, "2"] = eqx.field(converter=unit("direction"))
 

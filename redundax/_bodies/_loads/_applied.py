@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._module import figure, one_number, part
-from .._body import GROUND
+from .._body import GROUND, name_of
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
 
@@ -32,12 +32,12 @@ class AppliedForce(AbstractLoad[Motion, Wrench]):
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("force", "point")
-    i: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
     force: Float[Array, "2"] = eqx.field(converter=figure("force"), default=(0.0, 0.0))
     point: Float[Array, "2"] = eqx.field(converter=figure("point"), default=(0.0, 0.0))
     moment: Float[Array, ""] = eqx.field(converter=figure("moment"), default=0.0)
     follows: bool = eqx.field(static=True, default=False)
-    j: str = eqx.field(static=True, default=GROUND)
+    j: str = eqx.field(static=True, converter=name_of, default=GROUND)
 
     def __check_init__(self) -> None:
         with part(f"{type(self).__name__} on '{self.i}'"):

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._module import figure, one_number, safe_norm
+from .._body import name_of
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
 
@@ -57,8 +58,8 @@ class SpringDamper(AbstractSpringDamper):
     - `damping`: d, N s/m.
     """
 
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
     point_j: Float[Array, "2"] = eqx.field(converter=figure("point_j"))
     stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
@@ -83,8 +84,8 @@ class TorsionSpring(AbstractLoad[Motion, Wrench]):
     - `damping`: d, N m s/rad.
     """
 
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
     stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
     free_angle: Float[Array, ""] = eqx.field(converter=figure("free_angle"), default=0.0)
     damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)

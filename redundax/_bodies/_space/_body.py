@@ -1,7 +1,5 @@
 """Rigid bodies in space."""
 
-import warnings
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +7,7 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, on_device
+from ..._tools._words import warn
 from .._body import check_amount
 from .._frame import AbstractFrame
 from ._frame import SPACE, AbstractSpatialBody
@@ -94,8 +93,7 @@ def _check_inertia(name: str, inertia: Array) -> None:
             " Was it taken about the centre of mass?"
         )
     if principal[0] + principal[1] < (1 - 1e-3) * principal[2]:
-        warnings.warn(
+        warn(
             f"Argument `inertia` of body '{name}' has principal values {principal.tolist()}, one larger than the sum "
-            "of the others, as no body has. Was it taken about the centre of mass?",
-            stacklevel=4,
+            "of the others, as no body has. Was it taken about the centre of mass?"
         )

@@ -179,9 +179,7 @@ def lift_off(
         load=named,
         units=units,
         amounts=np.array(course.amounts),
-        contacts=tuple(
-            {name: str(does) for name, does in words(codes, names.contacts).items()} for codes in course.contacts
-        ),
+        contacts=tuple({name: str(does) for name, does in words(codes, names).items()} for codes in course.contacts),
         loads=tuple(dict(zip(names.contacts, own[rows].tolist(), strict=True)) for own in course.multipliers),
         tips=course.tips,
         closure=type(closure).__name__,
