@@ -70,17 +70,23 @@ class _Clearance:
     def __init__(self, play: Play, factor: Factorisation, elasticity: Elasticity):
         m = factor.gamma.size
         self.factor, self.elasticity, self.together = factor, elasticity, play.together(m)
-        self.own = play.of_rows(m).astype(factor.gamma.dtype)
+        own = play.of_rows(m).astype(factor.gamma.dtype)
+        self.own = xp.where(own < 0, 0.0, own)  # where it is 0 it has the derivative of one that grows
         response, _ = factor.stress_response(elasticity.compliance)
         stiffness = self.together @ xp.diagonal(response) / self.together.sum(axis=1)
         redundant = self.together @ factor.in_self_stress.astype(int) > 0
-        self.switches = (self.own > 0) & redundant & (stiffness > 0)
-        self.size = xp.where(self.switches, self.own, 0.0)
+        self.size = xp.where(redundant & (stiffness > 0), self.own, 0.0)
+        self.switches = self.size > 0
         self.stiffness = xp.where(self.switches, stiffness, 1.0)
 
     def norm(self, v: Array) -> Array:
         """|v_g| at each of its rows."""
-        return xp.sqrt(self.together @ v**2)
+        square = self.together @ v**2
+        return xp.where(square > 0, xp.sqrt(or_one(square)), 0.0)
+
+    def along(self, v: Array) -> Array:
+        """v_g / |v_g|."""
+        return v / or_one(self.norm(v))
 
     def shrunk(self, v: Array, s: Array) -> Array:
         """S(v)."""
@@ -116,7 +122,7 @@ class _Clearance:
     def sides(self, v: Array, s: Array) -> Sides:
         load = self.norm(v) - s * self.size
         zero = self.switches & (load <= _ON_EDGE * s * self.size)
-        direction = xp.where(self.switches & ~zero, v / or_one(self.norm(v)), 0.0)
+        direction = xp.where(self.switches & ~zero, self.along(v), 0.0)
         return Sides(zero, direction, load, self.gap(v, s))
 
     def bend(self, sides: Sides) -> Float[Array, "m m"]:
@@ -141,8 +147,7 @@ class _Clearance:
 
     def outside(self, multipliers: Array) -> Array:
         """c n of rows that are not redundant."""
-        along = multipliers / or_one(self.norm(multipliers))
-        return xp.where((self.own > 0) & ~self.switches, self.own * along, 0.0)
+        return (self.own - self.size) * self.along(multipliers)
 
     def balanced(self, v: Array, s: Array, share: Array) -> Array:
         """The share of the stiffness for which loads and s r are alike in size: what splitting is quick with."""
@@ -208,6 +213,8 @@ def at_own_sides(
     are found; with the sides."""
     turn, (_, _, factor, elasticity, *_) = _found(play, solved, given), given
     sides, clearance = stop_gradient(turn.sides), _Clearance(play, factor, elasticity)
+    along = clearance.along(stop_gradient(turn.multipliers))  # of play that is 0
+    sides = sides._replace(direction=xp.where(clearance.switches, sides.direction, along))
     return unloaded(factor, sides.zero), clearance.closure(sides), turn.settled, (sides, clearance)
 
 
@@ -230,7 +237,7 @@ def _found(play: Play, solved: Callable[..., L], given: tuple) -> _Turn:
         solution = solved(system, state, unloaded(factor, sides.zero), clearance.closure(sides), *more)
         lam = solution.multipliers
         reached = lam + xp.where(clearance.switches, s * clearance.gaps(sides, lam), 0.0)
-        along = xp.where(clearance.switches & ~sides.zero, lam / or_one(clearance.norm(lam)), 0.0)
+        along = xp.where(clearance.switches & ~sides.zero, clearance.along(lam), 0.0)
         size = factor.row_scale * xp.abs(lam)
         # To the rounding of a solve that a thousand rows have, which what carries nothing adds to.
         consistent = (

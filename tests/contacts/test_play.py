@@ -209,6 +209,19 @@ def test_derivatives_at_sides():
         np.testing.assert_allclose(reverse, forward, rtol=1e-8, atol=1e-6)
 
 
+def test_play_that_is_none_has_the_derivative_of_one_that_grows():
+    """Of a rod 30 um too long between two pins, (d - c1 - c2)/(w1 + w2), in both modes; of NaN loads are NaN."""
+
+    def load(play):
+        joints = rx.ElasticJoints(rod(0.5), {"A": 2e-7, "B": 3e-7}, play={"A": play[0], "B": play[1]})
+        return rx.solve(rod(0.5), REST, closure=rx.AsBuilt(joints, rod(0.5 + 3e-5)))["B.x"]
+
+    for play in ([0.0, 0.0], [1e-5, 0.0]):
+        for mode in (jax.jacfwd, jax.jacrev):
+            np.testing.assert_allclose(mode(load)(jnp.array(play)), [-2e6, -2e6], rtol=1e-6)
+    assert np.isnan(jax.jit(load)(jnp.array([np.nan, 0.0])))
+
+
 def test_friction_reads_the_loads_of_joints_with_play():
     """The paper's four-bar with friction of all pins: loads under play are those under its forces as misfits."""
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
