@@ -247,3 +247,15 @@ def test_ends_that_were_not_found_are_told_line_by_line():
     half = dataclasses.replace(bands, lower=np.array([np.nan, 20.0]), upper=np.array([40.0, 30.0]))
     assert not half.empty and " 20 " in str(half) and " 40 " in str(half) and str(half).count("not found; outer") == 1
     rx.plot.band(half)
+
+
+def test_balls_have_play_to_all_sides():
+    """A rod askew, 480 um too long between two balls: 300 N with all play, to 480 um / 0.8 um/N without."""
+    along, rod = np.array([1.0, 2.0, -2.0]) / 3, rx.spatial.Body("rod", 1.0, inertia=(0.1, 0.1, 0.1))
+    balls = [rx.spatial.Spherical(name, rod, "ground", point=x * along) for name, x in (("A", -0.5), ("B", 0.5))]
+    mechanism = rx.Mechanism([rod], balls)
+    joints = rx.ElasticJoints(mechanism, {"A": 5e-7, "B": 3e-7}, play={"A": 1.4e-4, "B": 1e-4})
+    warm = rx.AsBuilt(joints, rx.heated(mechanism, {"rod": 40.0}, 12e-6))
+    bands = rx.band(mechanism, rx.assemble(mechanism), [f"B force {axis} on rod" for axis in "xyz"], warm)
+    ends = np.sort(-np.outer(along, [600.0, 300.0]), axis=1)
+    np.testing.assert_allclose(np.stack([bands.lower, bands.upper], axis=1), ends, rtol=1e-6)

@@ -4,12 +4,13 @@ With r = d + Phi_q u - W lam, u the displacement, loads are those of joints whos
 of `_solve` says of one that is known:
 
     N^T (W lam + r - d) = 0,   d in a box, or two of it in a disc,
-    r_g = c' lam_g / |lam_g|, or |r_g| <= c' where lam_g = 0,   0 <= c' <= c      of rows with play, one or a disc
+    r_g = c' lam_g / |lam_g|, or |r_g| <= c' where lam_g = 0,   0 <= c' <= c      of rows with play, up to three
     lam >= 0, 0 <= r <= c,   or   lam = 0, r <= c                                of contacts
 
-Each row has two sides, and a disc sectors of directions in which both lam_g and r_g are. Of a row on one side all is
-linear. What is not decided is left wider, |r_g| <= c, which gives outer bounds, and where a programme ends beyond what
-is possible, that row is decided, the one way and the other (branch and bound).
+Each row has two sides, and two or three in a disc or ball have cones of directions in which both lam_g and r_g are,
+given by their edges. On one side all is linear. What is not decided is left wider, |r_g| <= c, which gives outer
+bounds, and where a programme ends beyond what is possible, that row is decided, the one way and the other (branch and
+bound).
 """
 
 import heapq
@@ -27,8 +28,7 @@ from .._loads_at_rest._programme import TOLERANCE
 _APART = 1e-8  # a share of loads and clearances that is no rounding of a programme
 _MET = 1e-7  # of the largest value, within which both bounds are one
 _CLOSED, _OPEN = "closed", "open"
-_QUARTERS = [(k * np.pi / 2, (k + 1) * np.pi / 2) for k in range(4)]
-_EDGE = 0.1  # share of a sector that a split leaves at least
+_EDGE = 0.1  # share of the angle between two edges that a split leaves at least
 _CUTS = 8  # planes in a row at a node: where the loads do not tell a place in the disc they would go all around it
 _TRIED = 8  # nodes from which loads are looked for by a solve, and of later ones each sixteenth; as many of planes
 
@@ -254,11 +254,10 @@ class SidesOfJoints:
                 bounds[loads] = [0.0, np.inf] if side > 0 else [-np.inf, 0.0]
                 bounds[gaps] = [0.0, most] if side > 0 else [-most, 0.0]
             elif side is not None:
-                ends = [
-                    sign * np.array([-np.sin(angle), np.cos(angle)]) for sign, angle in zip((-1, 1), side, strict=True)
-                ]
+                ends = -np.linalg.inv(side)
+                ends /= np.linalg.norm(ends, axis=1, keepdims=True)
                 rows += [self._row(group, normal, gap=gap) for normal in ends for gap in (False, True)]
-                right += [0.0] * 4
+                right += [0.0] * 2 * len(ends)
         over = (np.array(rows), np.array(right)) if rows else (None, None)
         for presolve in (True, False):  # a presolve takes rounding for a contradiction
             tight = {"primal_feasibility_tolerance": TOLERANCE, "dual_feasibility_tolerance": TOLERANCE}
@@ -326,8 +325,14 @@ class SidesOfJoints:
         if len(group.places) == 1:
             return [1, -1]
         if side is None:
-            return _QUARTERS
-        load, (first, last) = self._of(group, x)[0], side
-        share = ((np.arctan2(load[1], load[0]) - first) % (2 * np.pi)) / (last - first)
-        middle = first + (share if _EDGE < share < 1 - _EDGE else 0.5) * (last - first)
-        return [(first, middle), (middle, last)]
+            return [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=len(group.places))]
+        widest = list(
+            min(itertools.combinations(range(len(side)), 2), key=lambda pair: np.prod(side[:, pair], axis=1).sum())
+        )
+        parts = np.linalg.solve(side, self._of(group, x)[0])[widest]
+        share = parts[1] / (parts.sum() or 1.0)
+        middle = side[:, widest] @ (parts if _EDGE < share < 1 - _EDGE else np.ones(2))
+        out = [side.copy(), side.copy()]
+        for own, end in zip(out, widest, strict=True):
+            own[:, end] = middle / np.linalg.norm(middle)
+        return out
