@@ -3,7 +3,8 @@
 What a step goes past a bend its error tells by the square, as velocities are off by that, but derivatives are off by as
 much itself: by a thousandth at a tolerance of 1e-8. Between the loads at the ends of a step friction bends where it is
 its two tangents, which meet on it. Steps come near to that, one after the other, until one ends just before it. A tiny
-one crosses it, as stages at its ends count, too.
+one crosses it, as stages at its ends count, too. A tiny one also tells loads where they are not known: as a motion
+begins, past events, and past instants at which loads jump.
 
 Loads themselves bend where joints with play come to a side of it or leave one. Then false position on the dense output
 of the step tells when, or for friction when
@@ -21,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._play import Play
 from .._solvers._friction_problem import Law
+from ._crossing import Bend
 
 # Least change of a slope that is a bend, relative to the slopes; and what friction may be off its tangents where they
 # meet, relative to the chord: a circular arc is off by half of it.
@@ -47,33 +49,36 @@ def bend(
     rows: Int[Array, " l"],
     play: Play | None,
     at: Callable[[Array], Float[Array, " m"]],
-    begin: tuple[Array, Float[Array, " m"]],
+    begin: tuple[Array, Float[Array, " m"], Bool[Array, ""]],
     end: tuple[Array, Float[Array, " m"]],
     sticking: Bool[Array, " p"],
     apart: Array,
-) -> tuple[Array, Bool[Array, ""]]:
+) -> tuple[Array, Bool[Array, ""], Bend]:
     """When a step should end for the first bend of the friction of slips that do not stick, or of loads by play,
-    between times at which multipliers are given, infinite where there is none; and whether the step is the one that
-    crosses it."""
-    (start, first), (stop, last) = begin, end
+    between times at which multipliers are given, the first if they are known, infinite where there is none; whether the
+    step is a tiny one across it, or one that tells loads where they are not known; and the bend that it crosses."""
+    (start, first, known), (stop, last) = begin, end
     ends = _felt(law, first[rows]), _felt(law, last[rows])
     parts = jnp.where(sticking, jnp.inf, _parts(law, *ends))
     slip, part = jnp.argmin(parts), jnp.min(parts)
-    found, least = part < jnp.inf, (_NEAR if play is None else _NEAR_SIDES) * apart
+    found, least = known & (part < jnp.inf), (_NEAR if play is None else _NEAR_SIDES) * apart
     near = jnp.maximum(least, 10 * jnp.finfo(stop.dtype).eps * jnp.abs(stop))
-    t = start + part * (stop - start)
+    t, through = start + part * (stop - start), _through(law, slip, ends)
     if play is not None:
-        bends, found = found, found | (jnp.all(jnp.isfinite(first)) & ~_same_sides(play, first, last))
-        through = _through(law, slip, part, ends)
+        before, after = ends
+        at_bend = before + jnp.where(found, part, 0.0) * (after - before)
+        bends, found = found, found | (known & ~_same_sides(play, first, last))
 
         def value(multipliers: Float[Array, " m"]) -> Array:
             side = jnp.where(_same_sides(play, first, multipliers), 1.0, -1.0)
-            return jnp.where(bends, through(multipliers[rows]), side)
+            return jnp.where(bends, through @ (multipliers[rows] - at_bend), side)
 
         t = _root(lambda t: value(at(t)), (start, value(first)), (stop, value(last)), near, found)
-    crosses = found & (stop - start <= 4 * near)
-    aim = jnp.where(t - start > near, t - near / 2, start + 2 * near)
-    return jnp.where(found & ~crosses, aim, jnp.inf), crosses
+    wanted, short = found | ~known, stop - start <= 4 * near
+    aim = jnp.where(found & (t - start > near), t - near / 2, start + 2 * near)
+    several = (jnp.sum(parts < jnp.inf) > 1) | (play is not None)
+    crossed = Bend(found & short, jnp.zeros_like(last).at[rows].add(through), several)
+    return jnp.where(wanted & ~short, aim, jnp.inf), wanted & short, crossed
 
 
 def _felt(law: Law, loads: Float[Array, " l"]) -> Float[Array, " l"]:
@@ -81,15 +86,11 @@ def _felt(law: Law, loads: Float[Array, " l"]) -> Float[Array, " l"]:
     return loads if law.pushing is None else jnp.where(law.pushing, jnp.maximum(loads, 0.0), loads)
 
 
-def _through(law: Law, slip: Array, part: Array, ends: tuple[Array, Array]) -> Callable[[Array], Array]:
-    """What of loads passes zero where the friction of a slip bends, at a part of the way between those of the ends."""
-    (before, after), given = ends, jnp.where(part < jnp.inf, part, 0.0)
-
-    def slopes(loads: Float[Array, " l"]) -> Float[Array, " l"]:
-        return jax.grad(lambda x: law.force(x)[slip])(loads)
-
-    change = slopes(after) - slopes(before)
-    return lambda loads: change @ (loads - before - given * (after - before))
+def _through(law: Law, slip: Array, ends: tuple[Array, Array]) -> Float[Array, " l"]:
+    """By how much more the friction of a slip changes with loads at the end than at the begin: what of them passes zero
+    where it bends."""
+    before, after = (jax.grad(lambda x: law.force(x)[slip])(loads) for loads in ends)
+    return after - before
 
 
 def _root(

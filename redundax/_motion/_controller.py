@@ -25,6 +25,8 @@ from ._touch import Hit, no_hit
 
 # Part of a refused step before which an event found in it is none to aim at.
 _AIMED = 0.01
+# Times that a step is tried up to an instant ahead before it is halved: loads that jump have tangents that meet late.
+_TRIES = 6
 _ROUNDINGS = 8  # of an instant, below which a step has no room between two
 
 
@@ -57,9 +59,11 @@ def _unused(*_: PyTree) -> None:
 
 
 class Control(NamedTuple):
-    """State of the controller: its own, and the event that ended the steps, one of slips or one of contacts."""
+    """State of the controller: its own, how often the step is tried up to an instant ahead, and the event that ended
+    the steps, one of slips or one of contacts."""
 
     inner: PyTree
+    tries: Array
     plan: Plan | None
     hit: Hit | None = None
 
@@ -109,7 +113,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         equations, begin = args[0], args[2]
         end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
         hit = None if equations.touch is None else no_hit(equations.touch, t0)
-        control = Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
+        control = Control(inner, jnp.zeros((), int), no_plan(begin.mode) if equations.has_sense else None, hit)
         return self.before_jump(stop_gradient(jnp.asarray(end)), t0), control
 
     def before_jump(self, end: Array, t: Scalar) -> Array:
@@ -130,7 +134,11 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         zero = jnp.zeros_like(t1)
         told = zero, zero, args, y_error.size, error_order, controller_state.inner
         keep, t, following, _, inner, result = self.controller.adapt_step_size(t0, t1, *told)
-        so_far = keep, t, following, False, controller_state._replace(inner=inner), result
+        again = y_error.again > 0
+        tries = jnp.where(again, controller_state.tries + 1, 0)
+        half = jnp.where(tries > _TRIES, (t0 + t1) / 2, jnp.inf)
+        y_error = y_error._replace(ahead=jnp.where(again, jnp.minimum(y_error.ahead, half), y_error.ahead))
+        so_far = keep, t, following, False, controller_state._replace(inner=inner, tries=tries), result
         keep, t, following, lands, control, result = self._up_to_event(t0, t1, y_error, so_far)
         following = stop_gradient(jnp.asarray(following))
         if self.jumps is not None:
@@ -148,7 +156,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
 
     def _up_to_event(self, t0: Scalar, t1: Scalar, verdict: Verdict, so_far: Judged) -> Judged:
         """The same, of which no step passes an event; one that ends there lands."""
-        keep, t, following, lands, (inner, plan, hit), result = so_far
+        keep, t, following, lands, (inner, tries, plan, hit), result = so_far
         stiff = keep & is_worth(jnp.asarray(verdict.stiff), t1, t1 - t0, self.end)
         hits = None
         if verdict.hit is not None:
@@ -161,7 +169,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             following, lands = jnp.where(verdict.again > 0, verdict.ahead, following), keep & (verdict.lands > 0)
             following = jnp.where(lands, t + self.first, following)
             result = diffrax.RESULTS.where(event, diffrax.RESULTS.event_occurred, result)
-            return keep, t, following, lands, Control(inner, None, hit), result
+            return keep, t, following, lands, Control(inner, tries, None, hit), result
         event = keep & jnp.isfinite(verdict.plan.time)
         event = event if hits is None else event | hits
         taken = keep & ~event
@@ -183,7 +191,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             event | (taken & ((verdict.ends > 0) | stiff)), diffrax.RESULTS.event_occurred, result
         )
         plan = jax.tree.map(lambda a, b: jnp.where(event, b.astype(a.dtype), a), plan, stop_gradient(verdict.plan))
-        return taken, t, following, lands, Control(inner, plan, hit), result
+        return taken, t, following, lands, Control(inner, tries, plan, hit), result
 
 
 def told_apart(jumps: Float[Array, " jumps"]) -> Float[Array, " jumps"]:

@@ -31,6 +31,7 @@ from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
 from ._bend import bend
 from ._controller import Verdict, size_of
+from ._crossing import Bend, Ends, crossed
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart
 from ._pace import Pace, no_pace, pace
@@ -99,8 +100,8 @@ class Begin(NamedTuple):
 class Carried(NamedTuple):
     """State: the solver's own; how it moves and since when, what is held, the directions in which surfaces slide; the
     event that the next step ends at, which joints with several slips were let go and if by loads that just reach what
-    held them, and whether the last step was cut at an event; how far steps go where derivatives are taken; the watch,
-    and pivots now and largest."""
+    held them, and whether the last step was cut at an event; how far steps go where derivatives are taken; when loads
+    were told last, and these; the watch, and pivots now and largest."""
 
     inner: PyTree
     mode: Mode
@@ -112,7 +113,7 @@ class Carried(NamedTuple):
     touches: Bool[Array, ""]
     cut: Bool[Array, ""]
     pace: Pace
-    loads: Float[Array, " m"]
+    loads: tuple[Array, Float[Array, " m"]]
     watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
@@ -178,7 +179,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         fixed = jax.lax.stop_gradient((watch, zero, zero))
         any_pace = no_pace(begin.mode.sense)  # until one is told no surfaces stop, if derivatives are taken
         any_pace = any_pace._replace(slow=any_pace.slow & ~begin.differentiated)
-        unknown = jnp.full(len(equations.scaling.rows) if equations.loaded else 0, jnp.nan)
+        unknown = zero + jnp.inf, jnp.zeros(len(equations.scaling.rows) if equations.loaded else 0, zero.dtype)
         none = begin.mode.sense != begin.mode.sense, zero > 0, zero > 0, any_pace, unknown
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, *none, *fixed)
 
@@ -218,7 +219,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             step = Step(*times, stop_gradient(begin.apart), before.pace.slow)
             found, plan, well, cut = look(fixed, step, between, lambda *at: _seen(fixed, before, *at))
             event = step, plan, cut, found
-        sight, carried, jump = _watched(fixed, now, found, inner)
+        sight, carried, jump = _watched(fixed, now, found, inner, t)
         if isinstance(self.solver, Watched):
             stiff = stiff_steps(carried.watch.stiff, fixed, begun_at, path["k"], t - begun)
             carried = carried._replace(watch=carried.watch._replace(stiff=stiff))
@@ -231,14 +232,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if fixed.touch is not None:
             hit, stops = first_hit(fixed, (begun, t), there, between, before.context)
             good, size = good | (stops & ~begin.lands), jnp.where(stops & ~begin.lands, 0.0, size)
-        bends, crosses = _bend(fixed, found.solved, (begun, there.at(t)), between, before, begin)
+        seen_at = t if event is None else jnp.minimum(t, event[1].time)
+        bends, crosses, over = _bend(fixed, found, (begun, seen_at, there.at(t)), between, before, begin)
+        y = crossed(Ends(equations, (t0, y0), (t1, y), context), over) if equations.loaded else y
         if event is None:
-            if hit is not None:
-                hit = hit._replace(time=jnp.where(begin.lands, jnp.inf, hit.time))
-            again, no = (bends < _time_of(hit)) & ~begin.lands, jnp.zeros_like(t1)
-            told = jnp.where(good & ~again, size, jnp.inf), None, crosses.astype(t1.dtype), no, no, no, bends
-            return y, Verdict(*told, again.astype(t1.dtype), hit, carried.watch.stiff), dense, carried, result
+            told = _without_slips(jnp.where(good, size, jnp.inf), bends, crosses, hit, begin)
+            return y, told._replace(stiff=carried.watch.stiff), dense, carried, result
         step, plan, cut, found = event
+        waits = step.lands | context.rests | (bends >= jnp.minimum(plan.time, _time_of(hit)))
         end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
         if equations.directions is not None:
             steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
@@ -252,8 +253,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
             plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
         if hit is not None:
             plan, hit = _first_of(plan, hit, step.lands)
-        early = (bends < jnp.minimum(plan.time, _time_of(hit))) & ~(again | step.lands | context.rests)
-        ahead, again = jnp.where(early, bends, ahead), again | early
+        ahead = jnp.where(waits, ahead, jnp.where(again, jnp.minimum(ahead, bends), bends))
+        again = again | ~waits
         good = good & (well | step.lands) & ~again
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
         y, carried, told = _landed(equations, (end, y, begin.end), now._replace(plan=at), carried, step, found)
@@ -271,6 +272,15 @@ class Stepper(diffrax.AbstractWrappedSolver):
         return y, told, dense, carried, result
 
 
+def _without_slips(size: Array, bends: Array, crosses: Array, hit: Hit | None, begin: Begin) -> Verdict:
+    """What is told of a step where friction has no senses."""
+    if hit is not None:
+        hit = hit._replace(time=jnp.where(begin.lands, jnp.inf, hit.time))
+    again, no = (bends < _time_of(hit)) & ~begin.lands, jnp.zeros_like(size)
+    told = jnp.where(again, jnp.inf, size), None, crosses.astype(size.dtype), no, no, no, bends
+    return Verdict(*told, again.astype(size.dtype), hit)
+
+
 def _first_of(plan: Plan, hit: Hit, lands: Array) -> tuple[Plan, Hit]:
     """Of an event of slips and one of contacts the first, the other at no time."""
     first = (hit.time <= plan.time) & ~lands
@@ -280,34 +290,6 @@ def _first_of(plan: Plan, hit: Hit, lands: Array) -> tuple[Plan, Hit]:
 
 def _time_of(hit: Hit | None) -> Array | float:
     return jnp.inf if hit is None else hit.time
-
-
-def _bend(
-    equations: Equations,
-    solved: Solved | None,
-    step: tuple[Array, State],
-    between: Callable[[Array], Moving],
-    now: Carried,
-    begin: Begin,
-) -> tuple[Float[Array, ""], Bool[Array, ""]]:
-    """When a step should end for a bend of friction, of which the begin and the state at the end are given, where
-    derivatives are taken, infinite where there is none; and whether it is the one that crosses it."""
-    (start, state), rows = step, load_rows(equations.system.friction) if equations.loaded else None
-    never = jnp.full_like(state.t, jnp.inf), jnp.zeros((), bool)
-    if solved is None or rows is None:
-        return never
-
-    def at(t: Array) -> Float[Array, " m"]:
-        there = rechart(equations.system, between(t))[0].at(t)
-        return equations.solved(there, equations.linear(there, now.held), now.mode.tau, now.along).multipliers
-
-    def first() -> tuple[Array, Array]:
-        sense = equations.sense if now.along is None else jnp.where(equations.directed, now.along, equations.sense)
-        law = Law.of(equations.system, slip_rate(equations.system, state), sense, state)
-        ends = (start, now.loads), (state.t, solved.multipliers)
-        return bend(law, rows, equations.play, at, *ends, equations.sticking, begin.apart)
-
-    return jax.lax.cond(begin.differentiated, first, lambda: never)
 
 
 def _stopping(
@@ -374,9 +356,42 @@ def _seen(equations: Equations, now: Carried, t: Array, y: Moving, trial: Array,
     return seen(equations, state, linear, now.context, trial, lands, sight)
 
 
-def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyTree) -> tuple[Sight, Carried, Array]:
-    """What was seen at the end of a step, what is carried on from there, and how much friction jumps where it may have
-    several solutions."""
+def _bend(
+    equations: Equations,
+    found: Seen | Found,
+    step: tuple[Array, Array, State],
+    between: Callable[[Array], Moving],
+    now: Carried,
+    begin: Begin,
+) -> tuple[Float[Array, ""], Bool[Array, ""], Bend]:
+    """When a step should end for a bend of friction, where derivatives are taken, infinite where there is none; whether
+    it is the one that crosses it, and what. Given its begin, when it was seen last, as at an event in it, and its
+    end."""
+    (start, stop, state), solved, no = step, found.solved, jnp.zeros((), bool)
+    never = jnp.full_like(stop, jnp.inf), no, Bend(no, jnp.zeros_like(now.loads[1]), no)
+    if solved is None or not equations.loaded:
+        return never
+    rows, rate = load_rows(equations.system.friction), found.rate if isinstance(found, Seen) else None
+
+    def at(t: Array) -> Float[Array, " m"]:
+        there = rechart(equations.system, between(t))[0].at(t)
+        return equations.solved(there, equations.linear(there, now.held), now.mode.tau, now.along).multipliers
+
+    def first() -> tuple[Array, Array, Bend]:
+        sense = equations.sense if now.along is None else jnp.where(equations.directed, now.along, equations.sense)
+        law = Law.of(equations.system, slip_rate(equations.system, state) if rate is None else rate, sense, state)
+        (told, loads), last = now.loads, solved.multipliers
+        ends = (start, loads, told == start), (stop, last)
+        return bend(law, rows, equations.play, at, *ends, equations.sticking, begin.apart)
+
+    return jax.lax.cond(begin.differentiated, first, lambda: never)
+
+
+def _watched(
+    equations: Equations, now: Carried, found: Seen | Found, inner: PyTree, t: Array
+) -> tuple[Sight, Carried, Array]:
+    """What was seen at the end of a step at a time, what is carried on from there, and how much friction jumps where it
+    may have several solutions."""
     sight: Sight = found.watch
     mode, along, jump, watch, solved = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch, found.solved
     loads = now.loads
@@ -387,7 +402,7 @@ def _watched(equations: Equations, now: Carried, found: Seen | Found, inner: PyT
             contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
         )
         mode = mode._replace(tau=solved.tau)
-        loads = solved.multipliers if equations.loaded else loads
+        loads = t, solved.multipliers if equations.loaded else loads[1]
     if along is not None and isinstance(found, Seen):
         along = equations.turned(found.rate, along, jnp.zeros((), bool))
     held, pivot = replace_fields(now.held, **sight.held.rank), sight.pivot
@@ -417,7 +432,7 @@ def _landed(
         plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
         released=step.lands & end.starts,
         touches=step.lands & end.free,
-        loads=jnp.where(step.lands, jnp.nan, after.loads),
+        loads=(new(jnp.full_like(t, jnp.inf), after.loads[0]), after.loads[1]),
         watch=chosen_of(context.rests, now.watch, after.watch),
     )
     ends = ~mode.decided if equations.directions is None else step.lands
