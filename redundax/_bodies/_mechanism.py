@@ -56,7 +56,7 @@ from ._joint_rows import (
     slopes,
 )
 from ._joints import AbstractJoint
-from ._loads import AbstractLoad
+from ._loads import AbstractLoad, AbstractLoadFunction
 from ._mechanism_page import mechanism_page
 from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_ends, check_frames, check_kinds, check_names
@@ -426,6 +426,10 @@ class Mechanism(AbstractSystem):
         places = xp.argsort(xp.asarray(self._source))
         flat = xp.split(places, np.cumsum([size * rows for size, rows in sizes]))[:-1]
         return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
+
+    @property
+    def may_bend(self) -> bool:
+        return any(isinstance(loads.element, AbstractLoadFunction) for loads in self.loads)
 
     @asked_of_model
     def load(self, state: State) -> Float[Array, " n"]:

@@ -6,7 +6,9 @@ its two tangents, which meet on it. Steps come near to that, one after the other
 one crosses it, as stages at its ends count, too. A tiny one also tells loads where they are not known: as a motion
 begins, past events, and past instants at which loads jump.
 
-Loads themselves bend where joints with play come to a side of it or leave one. Then false position on the dense output
+Applied loads that users write bend, too, as k max(x, 0) of a bumper: on the dense output of the step.
+
+Loads of joints bend where joints with play come to a side of it or leave one. Then false position on the dense output
 of the step tells when, or for friction when
 
     g rho(t) = g rho,   g = d tau / d rho after - before
@@ -22,16 +24,20 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._play import Play
 from .._solvers._friction_problem import Law
-from ._crossing import Bend
 
 # Least change of a slope that is a bend, relative to the slopes; and what friction may be off its tangents where they
 # meet, relative to the chord: a circular arc is off by half of it.
 _LEAST, _STRAIGHT = 1e-3, 0.1
+# Least change of a load by a change of its slope that is a bend, relative to its size; and the part of what slopes
+# change by in a step that is one: of a half of a smooth load it is little more than half, of its quarter a quarter.
+_TOLD, _MUCH = 1e-12, 0.3
 # Part of the largest load up to which a joint with play has none: more would tell late that it comes to a side.
 _LOADED = 1e-14
 # How near to a bend, relative to the looks at a motion, steps end and the one begins that crosses it; the same with
 # play, whose sides are not told within some 1e-10 of a change; and most turns of false position.
 _NEAR, _NEAR_SIDES, _TURNS = 1e-7, 1e-6, 30
+# Part of the way to a bend that a step leaves, so that none of its stages, less accurate than its end, is past it.
+_BEFORE = 0.05
 
 
 class _Bracket(NamedTuple):
@@ -44,41 +50,103 @@ class _Bracket(NamedTuple):
     turn: Array
 
 
-def bend(
+class _Halved(NamedTuple):
+    """Times, and the slopes of a load there."""
+
+    low: Array
+    high: Array
+    first: Array
+    last: Array
+
+
+class Bent(NamedTuple):
+    """When something bends, infinite where it does not.
+
+    - `weights`: those of what passes zero there among multipliers, for second derivatives; shape (m,).
+    - `several`: whether it is not that alone, so that second derivatives are not known.
+    """
+
+    time: Float[Array, ""]
+    weights: Float[Array, " m"]
+    several: Bool[Array, ""]
+
+
+def nearness(play: Play | None, apart: Array, t: Array) -> Array:
+    """How near to a bend steps end, where looks at a motion are so far apart."""
+    return jnp.maximum((_NEAR if play is None else _NEAR_SIDES) * apart, 10 * jnp.finfo(t.dtype).eps * jnp.abs(t))
+
+
+def bend_of_friction(
     law: Law,
     rows: Int[Array, " l"],
     play: Play | None,
     at: Callable[[Array], Float[Array, " m"]],
-    begin: tuple[Array, Float[Array, " m"], Bool[Array, ""]],
+    begin: tuple[Array, Float[Array, " m"]],
     end: tuple[Array, Float[Array, " m"]],
     sticking: Bool[Array, " p"],
-    apart: Array,
-) -> tuple[Array, Bool[Array, ""], Bend]:
-    """When a step should end for the first bend of the friction of slips that do not stick, or of loads by play,
-    between times at which multipliers are given, the first if they are known, infinite where there is none; whether the
-    step is a tiny one across it, or one that tells loads where they are not known; and the bend that it crosses."""
-    (start, first, known), (stop, last) = begin, end
+    near: Array,
+) -> Bent:
+    """The first bend of the friction of slips that do not stick, or of loads by play, between times at which
+    multipliers are given."""
+    (start, first), (stop, last) = begin, end
     ends = _felt(law, first[rows]), _felt(law, last[rows])
     parts = jnp.where(sticking, jnp.inf, _parts(law, *ends))
     slip, part = jnp.argmin(parts), jnp.min(parts)
-    found, least = known & (part < jnp.inf), (_NEAR if play is None else _NEAR_SIDES) * apart
-    near = jnp.maximum(least, 10 * jnp.finfo(stop.dtype).eps * jnp.abs(stop))
-    t, through = start + part * (stop - start), _through(law, slip, ends)
+    found, t, through = part < jnp.inf, start + part * (stop - start), _through(law, slip, ends)
     if play is not None:
         before, after = ends
         at_bend = before + jnp.where(found, part, 0.0) * (after - before)
-        bends, found = found, found | (known & ~_same_sides(play, first, last))
+        bends, found = found, found | ~_same_sides(play, first, last)
 
         def value(multipliers: Float[Array, " m"]) -> Array:
             side = jnp.where(_same_sides(play, first, multipliers), 1.0, -1.0)
             return jnp.where(bends, through @ (multipliers[rows] - at_bend), side)
 
         t = _root(lambda t: value(at(t)), (start, value(first)), (stop, value(last)), near, found)
-    wanted, short = found | ~known, stop - start <= 4 * near
-    aim = jnp.where(found & (t - start > near), t - near / 2, start + 2 * near)
     several = (jnp.sum(parts < jnp.inf) > 1) | (play is not None)
-    crossed = Bend(found & short, jnp.zeros_like(last).at[rows].add(through), several)
-    return jnp.where(wanted & ~short, aim, jnp.inf), wanted & short, crossed
+    return Bent(jnp.where(found, t, jnp.inf), jnp.zeros_like(last).at[rows].add(through), several)
+
+
+def bend_of_load(
+    load: Callable[[Array], Float[Array, " n"]], begin: Array, end: Array, near: Array
+) -> Float[Array, ""]:
+    """When a load, free of units, bends as a function of time, infinite where it does not: halves in which its slope
+    changes by more are looked at as long as that is much of what it changes by in all."""
+
+    def slope(t: Array) -> tuple[Array, Array]:
+        return jax.jvp(load, (t,), (jnp.ones_like(t),))
+
+    def halved(now: _Halved) -> _Halved:
+        t = (now.low + now.high) / 2
+        there = slope(t)[1]
+        left = jnp.linalg.norm(there - now.first) >= jnp.linalg.norm(now.last - there)
+        low, high = jnp.where(left, now.low, t), jnp.where(left, t, now.high)
+        return _Halved(low, high, jnp.where(left, now.first, there), jnp.where(left, there, now.last))
+
+    def going(now: _Halved) -> Array:
+        return bends & (now.high - now.low > near / 4) & is_much(now)
+
+    def is_much(now: _Halved) -> Array:
+        return jnp.linalg.norm(now.last - now.first) > _MUCH * change
+
+    (one, first), (two, last) = slope(begin), slope(end)
+    change, norm = jnp.linalg.norm(last - first), jnp.linalg.norm
+    least = _LEAST * (norm(first) + norm(last)) + _TOLD * (norm(one) + norm(two)) / (end - begin)
+    bends = change > least
+    found = jax.lax.while_loop(going, halved, _Halved(begin, end, first, last))
+    return jnp.where(bends & is_much(found), (found.low + found.high) / 2, jnp.inf)
+
+
+def ahead(
+    bends: Array, known: Bool[Array, ""], begin: Array, end: Array, near: Array
+) -> tuple[Float[Array, ""], Bool[Array, ""]]:
+    """When a step should end for a bend, infinite where it need not; and whether it is a tiny one across it, or one
+    that tells loads where they are not known."""
+    found, short = bends < jnp.inf, end - begin <= 4 * near
+    before = bends - jnp.maximum(near / 2, _BEFORE * (bends - begin))
+    aim = jnp.where(found & (bends - begin > near), before, begin + 2 * near)
+    wanted = found | ~known
+    return jnp.where(wanted & ~short, aim, jnp.inf), wanted & short
 
 
 def _felt(law: Law, loads: Float[Array, " l"]) -> Float[Array, " l"]:

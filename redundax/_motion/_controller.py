@@ -149,7 +149,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
             following = jnp.where(jumps, stop_gradient(jnp.minimum(t + self.first, ahead)), following)
             short = jumps & (result == diffrax.RESULTS.dt_min_reached)
             result, lands = diffrax.RESULTS.where(short, diffrax.RESULTS.successful, result), lands | jumps
-        if control.plan is not None or self.jumps is not None or args[0].loaded:
+        if control.plan is not None or self.jumps is not None or args[0].bends:
             _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
             control = control._replace(inner=chosen_of(lands, fresh, inner))
         return keep, t, self.before_jump(following, t), lands, control, result

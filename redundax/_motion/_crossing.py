@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._tools._module import batch_any, or_zeros
+from .._tools._no_answer import without_second_derivatives
 from ._moving import Context, Equations, Moving
 
 
@@ -41,15 +42,22 @@ class Ends(NamedTuple):
     context: Context
 
 
-@eqx.filter_custom_jvp
 def crossed(ends: Ends, bend: Bend) -> Moving:
     """The state at the end of a step, with second derivatives past the bend that it crosses."""
+    if ends.equations.loaded:
+        return _crossed(ends, bend)
+    y = ends.end[1]
+    return without_second_derivatives(bend.crosses, y) if ends.equations.bends else y
+
+
+@eqx.filter_custom_jvp
+def _crossed(ends: Ends, bend: Bend) -> Moving:
     return ends.end[1]
 
 
-@crossed.def_jvp
+@_crossed.def_jvp
 def _crossed_jvp(primals: tuple, tangents: tuple) -> tuple[Moving, Moving]:
-    return crossed(*primals), _change(*primals, tangents[0])
+    return _crossed(*primals), _change(*primals, tangents[0])
 
 
 @eqx.filter_custom_jvp

@@ -110,7 +110,7 @@ def _integrate(
     whole = stop_gradient(t1 - state.t)
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
     differentiated, directed = xp.zeros((), bool), equations.directions is not None
-    if (directed or equations.loaded) and course.rtol is not None:
+    if (directed or equations.bends) and course.rtol is not None:
         differentiated = is_differentiated(state, equations, course)
     if course.dt0 is None:  # as the shortest is a part of it, and nothing tells yet how surfaces turn
         first = xp.where(whole > 0, xp.minimum(first, whole), first)

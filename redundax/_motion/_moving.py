@@ -236,6 +236,11 @@ class Equations(AbstractModule):
         """Whether any friction depends on loads."""
         return any(group.rows.size for group in self.system.friction)
 
+    @property
+    def bends(self) -> bool:
+        """Whether friction or applied loads may bend."""
+        return self.loaded or self.system.may_bend
+
     def linear(
         self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True
     ) -> AnyLinear:

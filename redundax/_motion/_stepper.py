@@ -12,7 +12,7 @@ when they go on, the first ends at the event, beyond which senses are others.
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -29,7 +29,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
-from ._bend import bend
+from ._bend import Bent, ahead, bend_of_friction, bend_of_load, nearness
 from ._controller import Verdict, size_of
 from ._crossing import Bend, Ends, crossed
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
@@ -234,7 +234,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             good, size = good | (stops & ~begin.lands), jnp.where(stops & ~begin.lands, 0.0, size)
         seen_at = t if event is None else jnp.minimum(t, event[1].time)
         bends, crosses, over = _bend(fixed, found, (begun, seen_at, there.at(t)), between, before, begin)
-        y = crossed(Ends(equations, (t0, y0), (t1, y), context), over) if equations.loaded else y
+        y = crossed(Ends(equations, (t0, y0), (t1, y), context), over)
         if event is None:
             told = _without_slips(jnp.where(good, size, jnp.inf), bends, crosses, hit, begin)
             return y, told._replace(stiff=carried.watch.stiff), dense, carried, result
@@ -368,21 +368,33 @@ def _bend(
     it is the one that crosses it, and what. Given its begin, when it was seen last, as at an event in it, and its
     end."""
     (start, stop, state), solved, no = step, found.solved, jnp.zeros((), bool)
+    system, loaded = equations.system, equations.loaded and found.solved is not None
     never = jnp.full_like(stop, jnp.inf), no, Bend(no, jnp.zeros_like(now.loads[1]), no)
-    if solved is None or not equations.loaded:
+    if not (loaded or system.may_bend):
         return never
-    rows, rate = load_rows(equations.system.friction), found.rate if isinstance(found, Seen) else None
+    rate = found.rate if isinstance(found, Seen) else None
 
-    def at(t: Array) -> Float[Array, " m"]:
-        there = rechart(equations.system, between(t))[0].at(t)
-        return equations.solved(there, equations.linear(there, now.held), now.mode.tau, now.along).multipliers
+    def there(t: Array) -> State:
+        return rechart(system, between(t))[0].at(t)
+
+    def multipliers(t: Array) -> Float[Array, " m"]:
+        state = there(t)
+        return equations.solved(state, equations.linear(state, now.held), now.mode.tau, now.along).multipliers
 
     def first() -> tuple[Array, Array, Bend]:
-        sense = equations.sense if now.along is None else jnp.where(equations.directed, now.along, equations.sense)
-        law = Law.of(equations.system, slip_rate(equations.system, state) if rate is None else rate, sense, state)
-        (told, loads), last = now.loads, solved.multipliers
-        ends = (start, loads, told == start), (stop, last)
-        return bend(law, rows, equations.play, at, *ends, equations.sticking, begin.apart)
+        bent, known, near = Bent(never[0], never[2].weights, no), ~no, nearness(equations.play, begin.apart, stop)
+        if loaded:
+            sense = equations.sense if now.along is None else jnp.where(equations.directed, now.along, equations.sense)
+            law = Law.of(system, slip_rate(system, state) if rate is None else rate, sense, state)
+            (told, loads), rows = now.loads, load_rows(system.friction)
+            known, ends = told == start, ((start, loads), (stop, cast(Solved, solved).multipliers))
+            bent = bend_of_friction(law, rows, equations.play, multipliers, *ends, equations.sticking, near)
+            bent = bent._replace(time=jnp.where(known, bent.time, jnp.inf))
+        if system.may_bend:
+            load = bend_of_load(lambda t: equations.scaling.coordinates * system.load(there(t)), start, stop, near)
+            bent = bent._replace(time=jnp.minimum(bent.time, load), several=bent.several | (load <= bent.time))
+        aim, crosses = ahead(bent.time, known, start, stop, near)
+        return aim, crosses, Bend(crosses & (bent.time < jnp.inf), bent.weights, bent.several)
 
     return jax.lax.cond(begin.differentiated, first, lambda: never)
 

@@ -108,6 +108,10 @@ class Driven(AbstractSystem):
     def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
         return replace_fields(self, base=self.base.rubbing(factors))
 
+    @property
+    def may_bend(self) -> bool:
+        return self.base.may_bend
+
     def load(self, state: State) -> Array:
         return self.base.load(state)
 

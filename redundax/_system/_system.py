@@ -152,6 +152,11 @@ class AbstractSystem(AbstractModel):
         it is not given."""
         raise NotImplementedError
 
+    @property
+    def may_bend(self) -> bool:
+        """Whether its load is a function of the user, which may bend."""
+        return False
+
     @abc.abstractmethod
     def load(self, state: State) -> Float[Array, " n"]:
         """Generalised force Q: applied forces and velocity-dependent inertia terms."""
@@ -511,6 +516,10 @@ class System(AbstractSystem):
     @property
     def has_length(self) -> bool:
         return self._has_length
+
+    @property
+    def may_bend(self) -> bool:
+        return self._load is not None
 
     def load(self, state: State) -> Float[Array, " n"]:
         if self._load is None:

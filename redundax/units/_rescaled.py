@@ -98,6 +98,10 @@ class Rescaled(AbstractSystem):
         inner = self.inner.velocity_constraint(q, rates, t / self.units.time, u)
         return self.units.of(self.rows) / self.units.time * inner
 
+    @property
+    def may_bend(self) -> bool:
+        return self.inner.may_bend
+
     def load(self, state: State) -> Float[Array, " n"]:
         inner = self.inner.load(_restored_state(state, self.inner, self.units))
         return self.units.of_force(self.coordinates) * inner

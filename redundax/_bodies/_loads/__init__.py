@@ -2,6 +2,7 @@
 
 from ._applied import AppliedForce as AppliedForce
 from ._base import AbstractLoad as AbstractLoad
+from ._function import AbstractLoadFunction as AbstractLoadFunction
 from ._function import LoadFunction as LoadFunction
 from ._spring import SpringDamper as SpringDamper
 from ._spring import TorsionSpring as TorsionSpring
