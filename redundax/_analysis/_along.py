@@ -216,11 +216,7 @@ def analyze_along(
 
 
 def _at(
-    system: AbstractSystem,
-    state: State,
-    closure: AbstractClosure,
-    sense: ByName | None,
-    rank: ArrayLike | None,
+    system: AbstractSystem, state: State, closure: AbstractClosure, sense: ByName | None, rank: ArrayLike | None
 ) -> tuple[AbstractSystem, Report, Array]:
     """The system at a state, of one with one-sided contacts that whose closed ones hold; its report and row scales."""
     if not system.names.one_sided:

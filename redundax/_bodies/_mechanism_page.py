@@ -60,10 +60,7 @@ def _bodies(names: Names, body: AbstractBody) -> Group:
 
 
 def _joints(
-    names: Names,
-    joints: Sequence[Stack],
-    friction: Sequence[FrictionMembers],
-    couplers: Sequence[tuple[str, str, str]],
+    names: Names, joints: Sequence[Stack], friction: Sequence[FrictionMembers], couplers: Sequence[tuple[str, str, str]]
 ) -> Group:
     laws = {
         name: law for members in friction for name, law in zip(members.joints, _laws(members, names.units), strict=True)

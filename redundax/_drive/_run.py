@@ -297,15 +297,7 @@ class Run(AbstractNamed):
                 continue
             word, unit = ("torque", units.of("moment")) if turns else ("force", units.of("force"))
             drives = [self.drives[k] for k in some]
-            head = (
-                with_unit(word, unit),
-                "peak",
-                "at t",
-                "rms",
-                "mean power",
-                "energy",
-                "determined",
-            )
+            head = (with_unit(word, unit), "peak", "at t", "rms", "mean power", "energy", "determined")
             span = (t[self._last] - t[0]) or 1.0
             energy = np.array([float(self.energy[drive.name]) for drive in drives])
             columns = [

@@ -34,13 +34,7 @@ from .._tools._module import (
     replace_fields,
 )
 from .._tools._no_answer import nan_where
-from .._tools._numbers import (
-    computed,
-    on_numbers,
-    stop_gradient,
-    while_loop,
-    xp,
-)
+from .._tools._numbers import computed, on_numbers, stop_gradient, while_loop, xp
 from ._closing import given_axis, position, velocity_of
 from ._gaps import overlaps
 from ._guess import ask_for_radians, check_finite

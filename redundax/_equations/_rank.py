@@ -229,10 +229,7 @@ def _inverse_of_lower(factor: Array) -> Array:
     )
     below = -last @ (factor[half:, :half] @ first)
     return xp.concatenate(
-        [
-            xp.concatenate([first, xp.zeros_like(factor[:half, half:])], axis=1),
-            xp.concatenate([below, last], axis=1),
-        ]
+        [xp.concatenate([first, xp.zeros_like(factor[:half, half:])], axis=1), xp.concatenate([below, last], axis=1)]
     )
 
 

@@ -33,10 +33,7 @@ _SETTLED = 0.01  # of a direction that tr(G A) may miss
 
 @custom_jvp
 def restricted_inverse(
-    matrix: Float[Array, "n n"],
-    projector: Float[Array, "n n"],
-    dimension: Int[Array, ""],
-    kept: Float[Array, ""],
+    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""], kept: Float[Array, ""]
 ) -> tuple[Float[Array, "n n"], Decision]:
     """G, and the decision whether the restriction is positive definite.
 

@@ -284,12 +284,7 @@ def _evidence(
 
 
 def _singularity(
-    system: AbstractSystem,
-    position: Array,
-    spectrum: Spectrum,
-    reached: Array,
-    growth: Array,
-    solved: _Solved,
+    system: AbstractSystem, position: Array, spectrum: Spectrum, reached: Array, growth: Array, solved: _Solved
 ) -> Decision:
     """Whether N^T Phi'' along the velocity with a motion added is other than without, of N with columns of length 1.
 

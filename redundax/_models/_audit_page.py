@@ -56,13 +56,7 @@ class About(TypedDict):
 
 
 def audit_page(
-    found: Audit,
-    about: About | None,
-    *,
-    lines: Lines,
-    language: str = "",
-    allowed: int = 0,
-    everything: bool = False,
+    found: Audit, about: About | None, *, lines: Lines, language: str = "", allowed: int = 0, everything: bool = False
 ) -> str:
     """What is redundant, what that means, and what to do.
 

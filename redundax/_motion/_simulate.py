@@ -209,10 +209,7 @@ def simulate(
 
 
 def _restitution(
-    system: AbstractSystem,
-    restitution: ByName,
-    stabilisation: AbstractStabilisation,
-    rank: ArrayLike | None,
+    system: AbstractSystem, restitution: ByName, stabilisation: AbstractStabilisation, rank: ArrayLike | None
 ) -> Array | None:
     """Restitution of each contact; None without contacts. Refuses what motions with contacts cannot be asked."""
     names = system.names
@@ -264,11 +261,7 @@ def _evenly(start: Times, end: Times) -> Times:
 
 
 def _check(
-    system: AbstractSystem,
-    state: State,
-    closure: AbstractClosure,
-    rtol: ArrayLike | None,
-    dt0: ArrayLike | None,
+    system: AbstractSystem, state: State, closure: AbstractClosure, rtol: ArrayLike | None, dt0: ArrayLike | None
 ) -> None:
     """Refuse what cannot be integrated."""
     check_system_at(system, state)

@@ -210,10 +210,7 @@ def _held_by(
 
 
 def _follows(
-    directions: Directions,
-    holds: Float[Array, " p"],
-    limits: tuple[Array, Array],
-    few: Bool[Array, " p"],
+    directions: Directions, holds: Float[Array, " p"], limits: tuple[Array, Array], few: Bool[Array, " p"]
 ) -> Bool[Array, " p"]:
     """Which joints with several slips are let go with others, although they accelerate `few`, as they are near to where
     these turn about: to hold them takes more friction than they have."""

@@ -109,11 +109,7 @@ def _searched(
 
 
 def _with_contacts(
-    system: AbstractSystem,
-    state: State,
-    closure: AbstractClosure,
-    slips: Array | None,
-    effort: tuple[int, int],
+    system: AbstractSystem, state: State, closure: AbstractClosure, slips: Array | None, effort: tuple[int, int]
 ) -> list[Solution]:
     """Those of all sets of closed contacts in which the ones that are kept push and the others do not close."""
     names = system.names

@@ -190,11 +190,7 @@ class AbstractFrictionProblem(abc.ABC):
 
     @classmethod
     def make(
-        cls,
-        rho0: Float[Numeric, "... l"],
-        gain: Numeric | LinearMap,
-        law: Law,
-        angular_loads: Bool[Numeric, " l"],
+        cls, rho0: Float[Numeric, "... l"], gain: Numeric | LinearMap, law: Law, angular_loads: Bool[Numeric, " l"]
     ) -> Self:
         """The problem, given which loads are moments."""
         angular_slips = xp.asarray(slip_kinds(law.groups).angular)

@@ -55,11 +55,7 @@ class Progress:
         """One update later."""
         better = residual < self.best
         return Progress(
-            self.steps + 1,
-            residual,
-            step,
-            xp.where(better, residual, self.best),
-            xp.where(better, 0, self.stalled + 1),
+            self.steps + 1, residual, step, xp.where(better, residual, self.best), xp.where(better, 0, self.stalled + 1)
         )
 
     def unfinished(self, rtol: Float[Array, ""], max_steps: int) -> Bool[Array, "..."]:

@@ -112,11 +112,7 @@ def _points(parameters: Mapping[str, AbstractDistribution], count: int, seed: in
 
 
 def _checked(
-    measured: Numbers,
-    noise: Numbers,
-    parameters: Mapping[str, AbstractDistribution],
-    starts: int,
-    max_steps: int,
+    measured: Numbers, noise: Numbers, parameters: Mapping[str, AbstractDistribution], starts: int, max_steps: int
 ) -> tuple[Array, Array]:
     check_distributions(parameters, "What is known belongs into `predict`.")
     check_power("starts", starts, least=1)

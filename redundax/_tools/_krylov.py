@@ -30,12 +30,7 @@ def krylov_solution(product: Map, right: Float[Array, " p"]) -> Float[Array, " p
 
 
 def least_misfit(
-    product: Map,
-    right: Float[Array, " p"],
-    size: ArrayLike = 0.0,
-    rounding: ArrayLike = 0.0,
-    *,
-    in_range: bool = False,
+    product: Map, right: Float[Array, " p"], size: ArrayLike = 0.0, rounding: ArrayLike = 0.0, *, in_range: bool = False
 ) -> Float[Array, " p"]:
     """x, NaN where it is not found: among A b, A (A b), ... alone, all that A sees, if `in_range`.
 

@@ -327,9 +327,7 @@ class custom_jvp(Generic[P, T]):
     """A function with a derivative given by hand, which numbers do not ask for; `make` is JAX's or Equinox's."""
 
     def __init__(
-        self,
-        function: Callable[P, T],
-        make: type[jax.custom_jvp] | type[eqx.filter_custom_jvp] = jax.custom_jvp,
+        self, function: Callable[P, T], make: type[jax.custom_jvp] | type[eqx.filter_custom_jvp] = jax.custom_jvp
     ):
         self.function, self.traced = function, make(function)
         functools.update_wrapper(self, function)

@@ -93,11 +93,7 @@ def rotation(p: Float[AnyArray, "*some 4"]) -> Numeric:
     return multiplied(e, xp.swapaxes(g, -1, -2)) / xp.sum(p * p, axis=-1)[..., None, None]
 
 
-def product(
-    p: Float[AnyArray, "*some 4"],
-    u: Float[AnyArray, "*some 3"],
-    w: AnyArray | float = 1.0,
-) -> Numeric:
+def product(p: Float[AnyArray, "*some 4"], u: Float[AnyArray, "*some 3"], w: AnyArray | float = 1.0) -> Numeric:
     """The quaternion product p (w, u)."""
     return w * p + numpy_of(p, u).sum(_by(_G, p) * u[..., :, None], axis=-2)
 

@@ -73,10 +73,7 @@ class Sticking:
 
     def __str__(self) -> str:
         how = "proved" if self.proved else "as far as the search went"
-        lines = [
-            f"At rest, {self.title}",
-            f"{self.verdict.upper()} ({how})",
-        ]
+        lines = [f"At rest, {self.title}", f"{self.verdict.upper()} ({how})"]
         if not self.can_hold:
             lines.append("No friction here depends on the sense of slip: it gives way, and holds nothing.")
         if self.solved < 1:
