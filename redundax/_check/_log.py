@@ -136,8 +136,9 @@ def read_log(mechanism: Mechanism, columns: Mapping[str, Numbers]) -> Log:
         unused += [] if known else [name]
     if not figures and not found.drives:
         near = did_you_mean(next(iter(unused), ""), names.reactions.labels)
+        example = names.reactions.labels[0] if len(names.reactions) else "A force x"
         raise RedundaxError(
-            f"Argument `log` must have a load of a joint by its name, such as '{_example(names)}', but has "
+            f"Argument `log` must have a load of a joint by its name, such as '{example}', but has "
             f"{listed_names(unused)}. {near}Rename the columns."
         )
     return dataclasses.replace(found, figures=tuple(figures), unused=tuple(unused))
@@ -247,7 +248,3 @@ def _figure(mechanism: Mechanism, name: str, values: np.ndarray) -> Figure | Non
     return Figure(
         name, joint, part, axes.index(axis), None if body is None else not label.endswith(f" on {body}"), values
     )
-
-
-def _example(names: Names) -> str:
-    return names.reactions.labels[0] if len(names.reactions) else "A force x"

@@ -114,7 +114,8 @@ class LogReport:
             more = f" and {len(wrong) - 1} more" if len(wrong) > 1 else ""
             at, by, share = self._at(k)
             first = (
-                f"WRONG: of {len(known)} loads that the machine determines {len(wrong)} {_is(wrong)} wrong, "
+                f"WRONG: of {len(known)} loads that the machine determines "
+                f"{len(wrong)} {'is' if len(wrong) == 1 else 'are'} wrong, "
                 f"'{self.names[k]}' by {by:.4g}{share} at t = {at:.4g}{more}."
             )
         if not loose:
@@ -255,7 +256,3 @@ def _all(some: list[int], of: list[str]) -> str:
     if len(some) == 1:
         return "The load is" if len(of) == 1 else f"1 of {len(of)} loads is"
     return f"All {len(of)} loads are" if len(some) == len(of) else f"{len(some)} of {len(of)} loads are"
-
-
-def _is(some: list[int]) -> str:
-    return "is" if len(some) == 1 else "are"

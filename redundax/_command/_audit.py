@@ -69,7 +69,9 @@ def audit_file(arguments: argparse.Namespace) -> int:
     if arguments.html:
         write_page(arguments.html, printable(f"Audit of {arguments.system}"), printable(text), system, state, found)
         tell(f"written: {arguments.html}")
-    return _status(found, about is None or about["whole"], arguments.allow)
+    if not (found.is_decided and (about is None or about["whole"])):
+        return 4
+    return 3 if found.figures[0] > arguments.allow else 0
 
 
 def _write_loads(file: pathlib.Path, system: AbstractSystem, state: State) -> None:
@@ -80,12 +82,6 @@ def _write_loads(file: pathlib.Path, system: AbstractSystem, state: State) -> No
     with writing(file):
         file.write_text(as_calculix(found) if file.suffix == ".inp" else as_csv(found), encoding="utf8")
     tell(f"written: {file}")
-
-
-def _status(found: Audit, whole: bool, allow: int) -> int:
-    if not (found.is_decided and whole):
-        return 4
-    return 3 if found.figures[0] > allow else 0
 
 
 class _Found(NamedTuple):

@@ -7,7 +7,6 @@ import warnings
 
 from .._bodies._mechanism import Mechanism
 from .._check._check import check
-from .._check._report import LogReport
 from .._models._formats import MODELS
 from .._models._model import Model, load_model
 from .._models._series import Series
@@ -47,10 +46,6 @@ def check_file(arguments: argparse.Namespace) -> int:
         with writing(arguments.png):
             picture(report).savefig(arguments.png)
         tell(f"drawn: {arguments.png}")
-    return _status(report, whole)
-
-
-def _status(report: LogReport, whole: bool) -> int:
     if not whole:
         return 4
     return 0 if report.is_right else 3

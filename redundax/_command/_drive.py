@@ -28,15 +28,6 @@ from ..plot._drive import drive as picture
 from ._file import FileError, check_system, load, writing
 from ._output import show, tell
 
-
-def _constant(value: float) -> Polynomial:
-    return Polynomial([value])
-
-
-def _polynomial(*coefficients: float) -> Polynomial:
-    return Polynomial([*coefficients])
-
-
 _TO_JOINTS = "Give the law to a joint, not to an actuator of the file."
 Law: TypeAlias = AbstractLaw | Polynomial
 _LAWS: dict[str, Callable[..., Law]] = {
@@ -44,15 +35,15 @@ _LAWS: dict[str, Callable[..., Law]] = {
     "scurve": SCurve,
     "cycloidal": Cycloidal,
     "harmonic": Harmonic,
-    "polynomial": _polynomial,
-    "constant": _constant,
+    "polynomial": lambda *coefficients: Polynomial([*coefficients]),
+    "constant": lambda value: Polynomial([value]),
 }
 
 
 def drive_file(arguments: argparse.Namespace) -> int:
     """Print what the drives of a model must give, and write it as a table and a picture; 1 without a solution."""
     system, state, model = _opened(arguments)
-    here = _positions(system, state)
+    here = dict(zip(coordinates_of(system).labels, np.asarray(values_of(system, state)).tolist(), strict=True))
     given = [_law(text, system, here) for text in arguments.law]
     laws = dict(given)
     if len(laws) < len(given):
@@ -108,11 +99,6 @@ def _beyond(model: Model, run: Run) -> Iterator[str]:
             yield f"{part.name} goes from {least:.4g} to {most:.4g}, limits are {low:.4g} and {high:.4g}"
 
 
-def _positions(system: AbstractSystem, state: State) -> dict[str, float]:
-    """Where coordinates are, by name."""
-    return dict(zip(coordinates_of(system).labels, np.asarray(values_of(system, state)).tolist(), strict=True))
-
-
 def _coordinate(name: str, system: AbstractSystem) -> str:
     """A coordinate by its name, or by that of a joint that has one."""
     labels = coordinates_of(system).labels
@@ -129,7 +115,6 @@ def _coordinate(name: str, system: AbstractSystem) -> str:
 def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str, Law]:
     """A coordinate and its law, from "motor=trapezoid(3.1, speed=2, acceleration=10)"; moves start where it is."""
     name, _, call = text.partition("=")
-    known = f"{', '.join(_LAWS)}"
     form = "It has the form NAME=LAW(figures), as in motor=trapezoid(3.14, speed=2, acceleration=10)."
     try:
         tree = ast.parse(call.strip(), mode="eval").body
@@ -140,7 +125,7 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
     except (SyntaxError, ValueError, TypeError) as error:
         raise FileError(f"The law '{text}' cannot be read. {form} Angles are in radians.") from error
     if kind not in _LAWS:
-        raise FileError(f"The law '{text}' has an unknown kind '{kind}'. There are {known}.")
+        raise FileError(f"The law '{text}' has an unknown kind '{kind}'. There are {', '.join(_LAWS)}.")
     coordinate, make = _coordinate(name.strip(), system), _LAWS[kind]
     first = "start" if kind in ("trapezoid", "scurve", "cycloidal") else "mean"
     if first in inspect.signature(make).parameters:
