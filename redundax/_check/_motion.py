@@ -218,7 +218,8 @@ def path_of(system: Mechanism, log: Log, q: Numeric, drives: Sequence[str] | Non
         index_of("drives", name, names, " of columns of coordinates")
     m = len(system.rows)
     places = np.array([m + index_of("log", name, labels) for name in names], int)
-    wraps = _wraps(system)
+    none = np.zeros(len(system.coordinates), bool)
+    wraps = np.concatenate([none, np.asarray(system.joint_coordinates.wraps, bool)])  # positions but for whole turns
     given = np.stack([log.positions[name] for name in names], axis=-1) if names else np.zeros((log.times.size, 0))
     with computing():
         slopes = closing_at(system.anonymous, q, np.zeros(len(system.coordinates)), log.times[0])[2]
@@ -251,9 +252,7 @@ def moving(
     if qd is None:
         rates = np.stack([_rate(log, name, splined) for name in names], axis=-1) if names else np.zeros((len(q), 0))
         wanted = np.concatenate([-still.rate / scale.rows, rates], axis=1)
-        qd = scale.coordinates * np.stack(
-            [np.linalg.lstsq(a, b, rcond=_RANK)[0] for a, b in zip(both, wanted, strict=True)]
-        )
+        qd = scale.coordinates * _least(both, wanted)
     else:
         miss = (-still.rate - np.einsum("tmn,tn->tm", still.jacobian, qd)) / scale.rows
         qd = qd + scale.coordinates * _least(rows, miss)
@@ -278,11 +277,6 @@ def _least(matrices: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _rank(matrix: np.ndarray) -> int:
     values = np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.zeros(0)
     return int(np.sum(values > _RANK * values.max(initial=0.0)))
-
-
-def _wraps(system: Mechanism) -> np.ndarray:
-    """Which of the coordinates of `closing_at` a position gives but for whole turns."""
-    return np.concatenate([np.zeros(len(system.coordinates), bool), np.asarray(system.joint_coordinates.wraps, bool)])
 
 
 def _followed(
