@@ -175,7 +175,6 @@ def _solved(
     if not are_known(path, closure, solver):
         at, found, senses = _traced(path, choices)
         return _masked(*_batch_of(path, at, found, senses, solver)[:2])
-    rows = np.array([each.row for each in drives_of(path.system)], int)
 
     def asked(path: Path) -> Batch:
         return _batch_of(path, *_on_numbers(path, choices), solver)
@@ -183,7 +182,7 @@ def _solved(
     at, found, senses = _on_numbers(path, choices)
     run, good, _ = _batch_of(path, at, found, senses, solver)
     remarks = *narrow_places(path, np.asarray(at.weakest)), *_of_joints_that_never_slip(path.system, senses)
-    stays = _stays(path, choices, at, senses, rows)
+    stays = _stays(path, choices, at, senses)
     run = replace_fields(run, system=path.system, remarks=remarks, stays=stays)
     touches = touching(*contacts, path, run) if contacts else ()
     alone = ~np.any([np.zeros_like(good), *(touch.at for touch in touches)], axis=0)
@@ -201,7 +200,7 @@ def _touched(run: Run, touch: Touching, closure: AbstractClosure, solver: Abstra
     path, choices = touch.path, (closure, solver)
     at, found, senses = _on_numbers(path, choices)
     own = _batch_of(path, at, found, senses, solver)[0]
-    stays = _stays(path, choices, at, senses, np.array([each.row for each in own.drives], int))
+    stays = _stays(path, choices, at, senses)
     own = replace_fields(own, system=path.system, stays=stays)
     sizes = [np.abs(x / np.asarray(path.scale.coordinates)) for x in (at.acceleration, run.acceleration)]
     apart = np.abs(at.acceleration - run.acceleration) / np.asarray(path.scale.coordinates)
@@ -255,12 +254,7 @@ def _traced(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
 
 
 @as_program
-def _batch(
-    system: AbstractSystem,
-    scale: Scaling,
-    choices: tuple,
-    *at: Array,
-) -> tuple[Moving, Loads]:
+def _batch(system: AbstractSystem, scale: Scaling, choices: tuple, *at: Array) -> tuple[Moving, Loads]:
     """How it moves, and loads for one sense of each slip: NaN for its own; at times as `of_one` takes them."""
 
     def of_one(q: Array, t: Array, beside: Array, going: Array, sense: Array, rests: Array) -> tuple[Moving, Loads]:
@@ -348,9 +342,10 @@ def _is_good(at: Moving, found: Loads, solver: AbstractSolver) -> Bool[Array, " 
     return good
 
 
-def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndarray) -> np.ndarray:
+def _stays(path: Path, choices: tuple, at: Moving, senses: Senses) -> np.ndarray:
     """Forces of the drives between which the machine stays, where all of it rests: friction the one way and the other,
     nothing accelerates."""
+    rows = np.array([each.row for each in drives_of(path.system)], int)
     out = np.full((len(path.t), len(rows), 2), np.nan)
     speed = np.abs(at.qd).max(axis=1)
     still = np.flatnonzero((speed <= tolerance_of(_STILL, speed) * np.nanmax(speed, initial=0.0)) & np.isfinite(speed))

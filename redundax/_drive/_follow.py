@@ -119,7 +119,8 @@ def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _N
     settled = tolerance_of(_SETTLED, q)
 
     def step(now: _Newton) -> _Newton:
-        matrix, residual = _linearised(system, scale, now.q, t)
+        matrix = system.jacobian(now.q, t) * scale.coordinates / scale.rows[:, None]
+        residual = system.constraint(now.q, t) / scale.rows
         u, rate = -_least_squares(matrix, jnp.stack([residual, _prescribed(system, scale, now.q, t)], axis=1)).T
         size = jnp.max(jnp.abs(u)) / scale.size
         begins = now.steps == 0
@@ -133,11 +134,6 @@ def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _N
     far, none = jnp.full((), jnp.inf, q.dtype), jnp.zeros(len(system.coordinates), q.dtype)
     end = jax.lax.while_loop(going, step, _Newton(q, none, far, far, jnp.zeros((), int), jnp.ones((), bool)))
     return end._replace(good=end.good & (end.last <= settled) & (end.off <= largest_violation(q.dtype)))
-
-
-def _linearised(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> tuple[Array, Array]:
-    matrix = system.jacobian(q, t) * scale.coordinates / scale.rows[:, None]
-    return matrix, system.constraint(q, t) / scale.rows
 
 
 def _prescribed(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> Array:

@@ -338,8 +338,7 @@ def _dwell_of(dwell: Numbers | None) -> Array | None:
 
 def _check_positive(**given: Array) -> None:
     for name, value in given.items():
-        if is_concrete(value):
-            positive(name, value)
+        positive(name, value)
 
 
 def _check_closed(values: Array) -> None:

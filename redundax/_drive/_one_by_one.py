@@ -92,7 +92,8 @@ def until_reached(system: AbstractSystem, held: Held, path: Path, throw: bool | 
         return path, ()
 
     def over(path: Path) -> Float[np.ndarray, "times rows"]:
-        return _overlaps(system, path, open_rows)
+        at = np.asarray(_constraints(system.anonymous, jnp.asarray(path.q), path.t))[:, open_rows]
+        return at / np.asarray(path.scale.rows)[open_rows] / float(path.scale.size)
 
     limit = largest_violation(path.q.dtype)
     finer, k = _first_beyond(path, over, limit)
@@ -186,12 +187,6 @@ def _closed(system: AbstractSystem, q: Array, qd: Array, t: Array) -> Bool[Array
         return closed & ~strikes[np.array(system.names.one_sided)]
 
     return jax.vmap(of_one)(q, qd, t)
-
-
-def _overlaps(system: AbstractSystem, path: Path, rows: list[int]) -> Float[np.ndarray, "times rows"]:
-    """Minus the gaps of contacts along a motion, relative to the size of the system."""
-    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
-    return np.asarray(at)[:, rows] / np.asarray(path.scale.rows)[rows] / float(path.scale.size)
 
 
 @as_program
