@@ -36,14 +36,11 @@ def grip(mechanism: Mechanism, solution: Solution) -> dict[str, Float[Array, "*b
     for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
         wheel = stack.element
         if isinstance(wheel, AbstractRollingRows) and wheel.pushing and wheel.velocity_rows:
+            ends = wheel.pushing, wheel.velocity_rows
             for name in names:
-                normal, rolling = ([labels.index(f"{name}.{row}") for row in of] for of in _rows(wheel))
+                normal, rolling = ([labels.index(f"{name}.{row}") for row in of] for of in ends)
                 found[name] = _needed(solution.multipliers, np.array(normal), np.array(rolling))
     return found
-
-
-def _rows(wheel: AbstractRollingRows) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    return wheel.pushing, wheel.velocity_rows
 
 
 @computed

@@ -46,12 +46,9 @@ def ordered_rows(
     """
     flat = [(k, column) for group in groups for k in group for column in range(len(joints[k].row_kinds))]
     given = sorted(range(len(flat)), key=lambda position: flat[position])
-    source = [p for wanted in ("force", "moment") for p in given if _kind(joints, flat[p]) == wanted]
+    kinds = [joints[k].row_kinds[column][1] for k, column in flat]
+    source = [p for wanted in ("force", "moment") for p in given if kinds[p] == wanted]
     row_of = {flat[position]: row for row, position in enumerate(source)}
     places = [np.array([[row_of[k, c] for c in range(len(joints[k].row_kinds))] for k in group]) for group in groups]
     names = tuple(f"{joints[k].name}.{joints[k].row_kinds[column][0]}" for k, column in row_of)
-    return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
-
-
-def _kind(joints: Sequence[AnyRows], place: tuple[int, int]) -> str:
-    return joints[place[0]].row_kinds[place[1]][1]
+    return Axis(names, tuple(kinds[p] for p in source)), np.array(source), places

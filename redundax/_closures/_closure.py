@@ -76,10 +76,10 @@ class AbstractClosure(AbstractModule):
         return xp.zeros((), state.qd.dtype)
 
 
-def check_closure(closure: object, argument: str = "closure") -> None:
+def check_closure(closure: object) -> None:
     """Refuse what is no closure."""
     check_kind(
-        argument,
+        "closure",
         closure,
         AbstractClosure,
         "a closure",

@@ -41,7 +41,8 @@ def check_units(names: Names, length: Array, closure: AbstractClosure, given: El
         _checked[id(closure)] = closure
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
-    compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
+    whole, misfit, scale = np.asarray(given.compliance), np.asarray(given.misfit), np.asarray(length)
+    compliance = np.diag(whole) if whole.shape[0] == whole.shape[1] else whole[:, 0]  # of W, or by the mates of rows
     problems = (
         _of_compliance(names, compliance, scale),
         _of_stiffness(names, (compliance, misfit), np.asarray(multipliers), scale) if is_concrete(multipliers) else "",
@@ -49,11 +50,6 @@ def check_units(names: Names, length: Array, closure: AbstractClosure, given: El
     )
     for problem in filter(None, problems):
         warn(f"{problem}; if the figures are meant, ignore this warning.")
-
-
-def _diagonal(compliance: np.ndarray) -> np.ndarray:
-    """Of W, whole or by the mates of each row."""
-    return np.diag(compliance) if compliance.shape[0] == compliance.shape[1] else compliance[:, 0]
 
 
 def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> str:

@@ -302,6 +302,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         "residual": residual_of(scaled, scaled_mass, (force, gamma), (a, mu), centripetal),
         "rate_noise": rate_noise(found, spectrum.kept),
     }
+    given = state.q, state.qd, state.t, *motion, matrix, mass, load
     return Factorisation(
         state=replace_fields(state, memory=()),
         jacobian=matrix,
@@ -309,7 +310,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         mass=mass,
         load=load,
         spectrum=spectrum,
-        finite=_finite(state.q, state.qd, state.t, *motion, matrix, mass, load),
+        finite=xp.all(xp.concatenate([xp.isfinite(array).ravel() for array in given])),
         acceleration=coordinate_scale * a,
         multipliers=mu / row_scale,
         length=length,
@@ -322,7 +323,3 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         row_scale=row_scale,
         **stop_gradient(evidence),
     )
-
-
-def _finite(*arrays: Array) -> Array:
-    return xp.all(xp.concatenate([xp.isfinite(array).ravel() for array in arrays]))

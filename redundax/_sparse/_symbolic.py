@@ -62,7 +62,8 @@ class Symbolic(AbstractModule):
     @property
     def size(self) -> int:
         """Entries of all fronts."""
-        return sum(_entries(level) for level in self.levels)
+        shapes = ((*level.pad.shape[-2:], level.border.shape[-1]) for level in self.levels)
+        return sum(fronts * (p + border) ** 2 for fronts, p, border in shapes)
 
 
 def symbolic(
@@ -216,11 +217,6 @@ def _pairs(row: np.ndarray, body: np.ndarray, order: np.ndarray) -> tuple[np.nda
     second = grouped[start[body[first]] + offset]
     kept = order[row[first]] >= order[row[second]]
     return first[kept], second[kept]
-
-
-def _entries(level: Level) -> int:
-    fronts, p = level.pad.shape[-2:]
-    return fronts * (p + level.border.shape[-1]) ** 2
 
 
 def _indices(values: np.ndarray) -> Array:

@@ -101,7 +101,8 @@ class Space(AbstractFrame[AbstractSpatialBody, Pose, Motion]):
 
     def motions(self, body: AbstractSpatialBody, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)
-        v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(state.qd, 2))
+        none = jnp.zeros((1, 3), state.qd.dtype)  # of the ground
+        v, omega = (jnp.concatenate([part.reshape(-1, 3), none]) for part in jnp.split(state.qd, 2))
         omega = times(pose.axes, omega)
         return Motion(pose, v - cross(omega, times(pose.axes, pose.centre)), omega)
 
@@ -155,11 +156,6 @@ class Space(AbstractFrame[AbstractSpatialBody, Pose, Motion]):
 
     def along(self, axes: Array, force: Array, moment: Array) -> Array:
         return jnp.concatenate([axes.T @ force, axes.T @ moment])
-
-
-def _with_ground(vectors: Array) -> Array:
-    """Vectors of bodies, and zero of the ground."""
-    return jnp.concatenate([vectors, jnp.zeros((1, 3), vectors.dtype)])
 
 
 def _parts(q: Array) -> tuple[Array, Array]:
