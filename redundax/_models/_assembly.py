@@ -79,10 +79,10 @@ class Assembly:
 
     def loops(self) -> tuple[Loop, ...]:
         """What closes loops."""
-        return tuple(self._loop(each) for each in self.left)
-
-    def _loop(self, held: Held) -> Loop:
-        return Loop(held.name, _CLOSING.get(held.kind, held.kind), *self._loop_ends(held), held.value, held.limits)
+        return tuple(
+            Loop(each.name, _CLOSING.get(each.kind, each.kind), *self._loop_ends(each), each.value, each.limits)
+            for each in self.left
+        )
 
     def place(self, marker: tuple[int, Frame]) -> Frame:
         """Where a frame of a part is."""

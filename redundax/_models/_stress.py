@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ._description import End, Joint, Loop
+from ._description import Joint, Loop
 from ._loop_rows import LoopRows, loop_rows
 from ._tree import Poses, Tree
 from ._vectors import cross
@@ -74,7 +74,8 @@ class Stress:
 
     def _along(self, poses: Poses, part: Joint | Loop, word: str) -> np.ndarray:
         """The direction of a row, global: an axis of the joint on its parent, or the normal of two axes."""
-        one, other = (poses.axes(end) for end in _ends(part))
+        ends = (part.first, part.second) if isinstance(part, Loop) else (part.parent, part.child)
+        one, other = map(poses.axes, ends)
         if word == "twist" and part.kind in ("universal joint", "angle joint"):
             normal = cross(other[:, 2], one[:, 2])
             return normal / np.linalg.norm(normal)
@@ -109,11 +110,6 @@ class Stress:
         own = rows[next(k for k, each in enumerate(self._tree.loops) if each is loop)]
         found[0, :, place], found[1, :, place] = own.forces.T, own.moments.T
         return found
-
-
-def _ends(part: Joint | Loop) -> tuple[End, End]:
-    """The end whose axes the rows are in, and the other."""
-    return (part.first, part.second) if isinstance(part, Loop) else (part.parent, part.child)
 
 
 class Along:
