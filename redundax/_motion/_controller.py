@@ -118,7 +118,10 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
 
     def before_jump(self, end: Array, t: Scalar) -> Array:
         """An end of steps after a time, or the number before a jump that is earlier."""
-        return end if self.jumps is None else jnp.minimum(end, _next_jump(self.jumps, t))
+        if self.jumps is None:
+            return end
+        before = _beside(self.jumps, -jnp.inf)
+        return jnp.minimum(end, jnp.min(jnp.where(before > t, before, jnp.inf), initial=jnp.inf))
 
     def adapt_step_size(
         self,
@@ -202,12 +205,6 @@ def told_apart(jumps: Float[Array, " jumps"]) -> Float[Array, " jumps"]:
     off = jnp.where(jnp.eye(fixed.size, dtype=bool), jnp.inf, jnp.abs(fixed[:, None] - fixed))
     near = _ROUNDINGS * jnp.finfo(fixed.dtype).eps * jnp.abs(fixed)
     return without_derivative(jnp.any(off <= near, axis=1), jumps)
-
-
-def _next_jump(jumps: Float[Array, " jumps"], t: Scalar) -> Array:
-    """The number before the first jump after a time; infinite if there is none."""
-    before = _beside(jumps, -jnp.inf)
-    return jnp.min(jnp.where(before > t, before, jnp.inf), initial=jnp.inf)
 
 
 def _beside(jumps: Float[Array, " jumps"], way: float) -> Float[Array, " jumps"]:

@@ -158,6 +158,8 @@ def _integrate(
     if failure is not None:
         open_ = xp.all(xp.isfinite(acceleration), axis=1) & ~xp.all(xp.isfinite(multipliers), axis=1) & ~done.rests
         ended = chosen(differs(ended, RESULTS.successful) | ~xp.any(open_), ended, failure)
+    scale = equations.scaling  # what loads do along the size of the mechanism
+    usual = stop_gradient(xp.max(xp.abs(factor.load) * scale.coordinates) * scale.size)
     return Trajectory(
         xp.where(ordered, ts, given),
         q,
@@ -168,7 +170,7 @@ def _integrate(
         sense,
         memory,
         ended,
-        _stats(done, _usual_work(equations, factor.load)),
+        _stats(done, usual),
         does,
         _impacts(done),
     )
@@ -455,12 +457,6 @@ def _ended(done: PhaseState, found: Array, rank: Array) -> RESULTS:
             (~done.mode.resting, RESULTS.stuck),
         )
     )
-
-
-def _usual_work(equations: Equations, load: Float[Array, " n"]) -> Float[Array, ""]:
-    """What loads do along the size of the mechanism."""
-    scale = equations.scaling
-    return stop_gradient(xp.max(xp.abs(load) * scale.coordinates) * scale.size)
 
 
 def _stats(done: PhaseState, usual: Array) -> TrajectoryStats:

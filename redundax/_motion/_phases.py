@@ -195,7 +195,8 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         ahead = no_plan(carried.mode)._replace(time=control.hit.time, joint=jnp.asarray(-1))
         slips = plan if equations.has_sense else plan._replace(time=jnp.full_like(plan.time, jnp.inf))
         plan = chosen_of(hits, ahead, slips)
-        contacts = contacts._replace(hit=_next(lands, contacts.hit, control.hit), path=_noted(here, contacts))
+        which = jnp.where(lands, contacts.hit.which, control.hit.which)  # those of the event that steps landed at
+        contacts = contacts._replace(hit=control.hit._replace(which=which), path=_noted(here, contacts))
     return PhaseState(
         t=t,
         y=y,
@@ -283,11 +284,6 @@ def _steps(
     taken, refused = solution.stats["num_accepted_steps"], solution.stats["num_rejected_steps"]
     states, last = (solution.solver_state, solution.controller_state), jax.tree.map(lambda x: x[0], last)
     return Walk(stop[0], stop[0], last, *states, solution.result, taken, refused, path, jnp.zeros((), int))
-
-
-def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:
-    """The contacts that the event is of that steps landed at, and the event that they ended before."""
-    return Hit(found.time, jnp.where(lands, now.which, found.which))
 
 
 def _noted(here: Bool[Array, " times"], contacts: Contacts) -> Touch:

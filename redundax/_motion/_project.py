@@ -58,7 +58,7 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     d, qd = _least_change(*primals)
     factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
     of, off = eqx.filter_jvp(
-        lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot)
+        lambda system, q, t: system.constraint(system.retract(q, d), t), (system, q, t), (system_dot, q_dot, t_dot)
     )
     d_dot = -factor.nearest(factor.completed(system.velocity_rows, or_zeros(off, of)))
     both, (own, off) = eqx.filter_jvp(
@@ -68,7 +68,3 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     )
     own, off = or_zeros((own, off), both)
     return (d, qd), (d_dot, own - factor.nearest(off))
-
-
-def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:
-    return system.constraint(system.retract(q, d), t)

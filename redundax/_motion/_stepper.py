@@ -522,7 +522,7 @@ def _diagnostics_after(
 ) -> tuple[Diagnostics, Float[Array, ""]]:
     """The watch after a step, and the violation of the position by this step."""
     sizes = equations.scaling
-    position = jnp.max(jnp.abs(factor.motion.value) / sizes.rows) / sizes.size
+    position = jnp.max(jnp.abs(sizes.violations(factor.motion.value)))
     kinetic = equations.kinetic_energy(t, y)
     watch = watch._replace(
         position=jnp.maximum(watch.position, position),
