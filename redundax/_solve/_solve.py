@@ -49,17 +49,7 @@ from .._tools._computing import computing, is_computing
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import (
-    are_known,
-    as_arrays,
-    as_numbers,
-    each,
-    is_number,
-    on_numbers,
-    stop_gradient,
-    take,
-    xp,
-)
+from .._tools._numbers import are_known, as_arrays, as_numbers, each, is_number, on_numbers, stop_gradient, take, xp
 from ._contacts import active_set, all_kept, of_rows
 from ._play import at_sides, two_sided, with_play_of_contacts
 from ._reduced import Reduced, reduce
@@ -224,10 +214,7 @@ def _with_contacts(
         contact=found.contacts,
         result=chosen_result(settled, solution.result, RESULTS.contacts_undecided),
         stats=replace_fields(
-            solution.stats,
-            spectrum=factor.spectrum,
-            redundancy=factor.redundancy - left,
-            freedom=factor.freedom,
+            solution.stats, spectrum=factor.spectrum, redundancy=factor.redundancy - left, freedom=factor.freedom
         ),
     )
     return (as_arrays(solution) if known and not is_computing() else solution), factor
@@ -270,14 +257,10 @@ def solve_factorised(
     solved = matrices_of(system).run(_solved_dense, _solved_sparse)
     if isinstance(solver, Continuation) and are_known(given, solver):
         solution = solved(solver.first, *given)
-        if is_concrete(solution.stats.fold) and _is_settled(solution):
+        fold = solution.stats.fold
+        if is_concrete(fold) and (float(fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)):
             return solution
     return solved(solver, *given)
-
-
-def _is_settled(solution: Solution) -> bool:
-    """Whether the branch from zero friction has nothing to say of what Newton's method has found, on known numbers."""
-    return float(solution.stats.fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)
 
 
 def _solved(
@@ -424,11 +407,7 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Factorisation,
-    reduced: Reduced,
-    problem: AbstractFrictionProblem,
-    x0: Array,
-    solver: AbstractSolver,
+    factor: Factorisation, reduced: Reduced, problem: AbstractFrictionProblem, x0: Array, solver: AbstractSolver
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows

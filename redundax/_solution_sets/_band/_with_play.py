@@ -221,7 +221,7 @@ class SidesOfJoints:
                 put(sides, number, cuts + 1)
                 nodes += 1
             elif possible:
-                better(self._multipliers(x), self._case(x))
+                better(self.joints.start + self.joints.stress @ (self.per_z * x[: self.parts[0]]), self._case(x))
             elif cuts < _CUTS and self._cut(x):
                 put(sides, number, cuts + 1)
             else:
@@ -274,9 +274,6 @@ class SidesOfJoints:
     def _of(self, group: Group, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Loads and gaps."""
         return tuple(x[self.parts[which] + np.array(group.places)] for which in (1, 2))  # pyright: ignore[reportReturnType]
-
-    def _multipliers(self, x: np.ndarray) -> np.ndarray:
-        return self.joints.start + self.joints.stress @ (self.per_z * x[: self.parts[0]])
 
     def _case(self, x: np.ndarray) -> np.ndarray:
         """Misfits and plays, in their units; misfits beyond a disc at its edge."""

@@ -293,7 +293,8 @@ def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily
     factors = start_factors(solutions.rows.size, 0 if proved else starts, search.seed)
     branches = trace(solutions, axes, factors, proved, search.watch)
     names, kinds = system.names.unknowns.labels, system.names.unknowns.kinds
-    branches, values = _that_push(solutions, axes, branches, _values(solutions, branches))
+    unknowns = solutions.along(branches.z), solutions.response.unit.multipliers, branches.tau
+    branches, values = _that_push(solutions, axes, branches, solutions.shown(solutions.outputs(*unknowns)))
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
@@ -392,8 +393,3 @@ def _that_push(
         count[tuple(int(np.argmin(np.abs(axis - own))) for axis, own in zip(axes, z, strict=True))] -= 1
     z, tau, branch, fold = (x[~pulls] for x in (branches.z, branches.tau, branches.branch, branches.fold))
     return Branches(count, z, tau, np.unique(branch, return_inverse=True)[1], fold, branches.lost), values[~pulls]
-
-
-def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
-    unit = solutions.response.unit.multipliers
-    return solutions.shown(solutions.outputs(solutions.along(branches.z), unit, branches.tau))

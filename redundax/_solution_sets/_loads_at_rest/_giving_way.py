@@ -46,7 +46,7 @@ def giving_way(
     pushing: tuple[int, ...],
 ) -> GivingWay:
     """That at the largest amount of the load `force`, which the first of some sets has at x."""
-    ends = [(own, _near(own, part, x)) for own, part in sets]
+    ends = [(own, part.narrowed(_box(own.programme, x))) for own, part in sets]
     ends = [ends[0], *(end for end in ends[1:] if end[1].extreme(_none(end[0]), first=True).bound > -np.inf)]
     lifts, programme = _lifting(ends, x, pushing), sets[0][0].programme
     turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
@@ -69,11 +69,6 @@ def giving_way(
         motion = np.full(len(force), np.nan)
     names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~resting & ~bare)
     return GivingWay(tuple(names), motion, lifts, tuple(row for row in pushing if row not in lifts))
-
-
-def _near(own: Standing, part: LoadsAtRest, x: np.ndarray) -> LoadsAtRest:
-    """The part of a set with the amount of x."""
-    return part.narrowed(_box(own.programme, x))
 
 
 def _box(programme: Programme, x: np.ndarray) -> np.ndarray:
