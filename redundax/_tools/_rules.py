@@ -5,6 +5,7 @@ that are given stay as they are.
 """
 
 import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -301,10 +302,6 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., AtPlaces]
     return rule
 
 
-def _set(x: np.ndarray, places: Entries, new: Entries) -> None:
-    x[places] = new
-
-
 def _power(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     dtype = to[0].dtype
     return lambda x, y: np.power(x, y).astype(dtype)
@@ -475,7 +472,7 @@ RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     "rev": _by("dimensions", lambda axes: lambda x: np.flip(x, axes)),
     "round": _round,
     "rsqrt": _as_it_is(lambda x: 1 / np.sqrt(x)),
-    "scatter": _scatter(_set, []),
+    "scatter": _scatter(operator.setitem, []),
     "scatter-add": _scatter(np.add.at, ["add"]),
     "select_if_vmap": _as_it_is(lambda which, yes, no: yes),
     "select_n": _select,

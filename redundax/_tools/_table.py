@@ -93,7 +93,8 @@ def page(left: Sequence[Group], right: Sequence[Group], more: str) -> list[str]:
         room = (LINES - all(widths)) // max(1, sum(map(bool, tables)))
         first, second = (_table(side, room) for side in tables)
         lines = [*first, *[""] * all(widths), *second]
-    return [*lines, more] if any(_most(side, room) < _size(side) for side in tables) else lines
+    is_cut = any(_most(side, room) < len(one.rows) for side in tables for one in side)
+    return [*lines, more] if is_cut else lines
 
 
 def figures(values: np.ndarray, beside: np.ndarray | None = None, digits: int = 6) -> list[str]:
@@ -118,10 +119,6 @@ def apart(low: float, high: float, digits: int = 5) -> tuple[str, str]:
 def are_known(tree: PyTree) -> bool:
     """Whether all leaves are arrays whose numbers are there to be shown."""
     return all(isinstance(x, np.ndarray | jax.Array) and is_concrete(x) for x in jax.tree.leaves(tree))
-
-
-def _size(groups: Sequence[Group]) -> int:
-    return max((len(one.rows) for one in groups), default=0)
 
 
 def _most(groups: Sequence[Group], lines: int) -> int:

@@ -57,8 +57,9 @@ class Bodies(NamedTuple):
 
     def points(self, local: ArrayLike | None, bodies: np.ndarray) -> np.ndarray | None:
         """Global points of bodies, of which the local ones are given."""
-        local = _vectors(local)
-        return None if local is None else self.r[bodies] + np.einsum("bij,bj->bi", self.axes[bodies], local)
+        if local is None or np.shape(local)[1:] not in ((2,), (3,)):
+            return None
+        return self.r[bodies] + np.einsum("bij,bj->bi", self.axes[bodies], lifted(np.asarray(local, float)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,11 +226,6 @@ def _poses(mechanism: Mechanism, state: State) -> FlatPose | Pose:
 def lifted(v: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) of such ones, or of (..., 2) in the plane."""
     return np.concatenate([v, np.zeros((*v.shape[:-1], 3 - v.shape[-1]))], axis=-1)
-
-
-def _vectors(value: ArrayLike | None) -> np.ndarray | None:
-    """Vectors of stacked elements, (size, 3), where they are there."""
-    return lifted(np.asarray(value, float)) if value is not None and np.shape(value)[1:] in ((2,), (3,)) else None
 
 
 def _joints(mechanism: Mechanism, group: int, bodies: Bodies) -> list[Joint]:
