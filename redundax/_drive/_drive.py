@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._bodies._joints import AngleDriver, DistanceDriver
 from .._bodies._law_of_time import Polynomial
@@ -279,22 +279,19 @@ def _on_numbers(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
     own = np.full((len(path.t), len(path.system.slips)), np.nan)
     found, one = _asked(path, choices, np.arange(len(path.t)), 1.0, own, np.zeros(own.shape, bool))
     senses = senses_of(path.system, found.slips, path.scale.length)
-    once = one.multipliers, one.friction, one.progress
-    both = jax.tree.map(lambda x: np.repeat(x, 2, axis=1), once)
+
+    def by_sense(found: Loads) -> dict[str, PyTree]:
+        return {name: getattr(found, name) for name in ("multipliers", "friction", "progress")}
+
+    both = jax.tree.map(lambda x: np.repeat(x, 2, axis=1), by_sense(one))
     rest = np.flatnonzero(senses.rests.any(axis=1))
     if rest.size:
         turns = rest[(senses.before != senses.after)[rest].any(axis=1)]
         at, sense = np.concatenate([rest, turns]), np.concatenate([senses.after[rest], senses.before[turns]])
         _, again = _asked(path, choices, at, 1.0, sense, senses.rests[at])
-        again = again.multipliers, again.friction, again.progress
-        jax.tree.map(lambda x, new: _put(x, new[:, 0], rest, turns), both, again)
-    return found, one._replace(**dict(zip(("multipliers", "friction", "progress"), both, strict=True))), senses
-
-
-def _put(x: np.ndarray, new: np.ndarray, rest: np.ndarray, turns: np.ndarray) -> None:
-    """Write what was asked again of instants of rest, and of those where a motion turns round."""
-    x[rest] = new[: rest.size, None]
-    x[turns, 1] = new[rest.size :]
+        for x, new in zip(*map(jax.tree.leaves, (both, by_sense(again))), strict=True):
+            x[rest], x[turns, 1] = new[: rest.size], new[rest.size :, 0]
+    return found, one._replace(**both), senses
 
 
 def _of_joints_that_never_slip(system: AbstractSystem, senses: Senses) -> tuple[str, ...]:

@@ -216,7 +216,7 @@ def asked_again(
     batch: Batch,
     ask: Callable[[Path], Batch] | None,
     throw: bool | None,
-    times: Bool[np.ndarray, " times"] | bool = True,
+    times: Bool[np.ndarray, " times"],
 ) -> Run:
     """A run with answers where the batch, with contacts held, has none: contacts open there.
 

@@ -340,9 +340,8 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         system, after.state, factor.scaling, factor.split.stress, None, singular=cast(Held, now.held).singular
     )
     impacts = contacts.impacts
-    place = xp.asarray(np.arange(len(impacts.t))) == impacts.number
     strikes = after.strikes & after.known
-    place = place & strikes
+    place = strikes & (xp.asarray(np.arange(len(impacts.t))) == impacts.number)
     noted = ImpactLog(
         impacts.number + strikes,
         xp.where(place, after.state.t, impacts.t),
