@@ -7,7 +7,7 @@ from .._bodies._joints._wheels import AbstractRollingRows
 from .._bodies._mechanism import Mechanism
 from .._solve._solution import Solution
 from .._tools._module import check_kind
-from .._tools._numbers import computed, xp
+from .._tools._numbers import computed, or_one, xp
 
 
 def grip(mechanism: Mechanism, solution: Solution) -> dict[str, Float[Array, "*batch"]]:
@@ -46,6 +46,6 @@ def grip(mechanism: Mechanism, solution: Solution) -> dict[str, Float[Array, "*b
 @computed
 def _needed(multipliers: Float[Array, "*batch m"], normal: np.ndarray, rolling: np.ndarray) -> Float[Array, "*batch"]:
     pressed, square = multipliers[..., normal[0]], xp.sum(multipliers[..., rolling] ** 2, axis=-1)
-    held = xp.where(square > 0, xp.sqrt(xp.where(square > 0, square, 1.0)), 0.0)  # a derivative of 0 at 0
-    ratio = held / xp.where(pressed > 0, pressed, 1.0)
+    held = xp.where(square > 0, xp.sqrt(or_one(square)), 0.0)  # a derivative of 0 at 0
+    ratio = held / or_one(pressed)
     return xp.where(pressed > 0, ratio, xp.where(held > 0, xp.inf, 0.0))

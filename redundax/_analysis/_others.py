@@ -20,7 +20,7 @@ from .._solvers._solver import Newton
 from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import each, on_numbers, xp
+from .._tools._numbers import each, on_numbers, or_one, xp
 
 _AMPLITUDES = 0.5, -2.0, 10.0  # a small one, and some that turn the loads of joints around
 
@@ -40,7 +40,7 @@ def other_solutions(
     multipliers = np.asarray(solution.multipliers)
     as_forces = np.where(system.rows.angular, 1 / np.asarray(factor.length), 1.0)
     amplitude = np.abs(multipliers * as_forces).max() / np.abs(stress * as_forces).max(axis=1)
-    amplitudes = np.outer(np.where(amplitude > 0, amplitude, 1.0), _AMPLITUDES)
+    amplitudes = np.outer(or_one(amplitude), _AMPLITUDES)
     added = xp.asarray(amplitudes[:, :, None] * stress[:, None])
     return np.asarray(_solved(system.anonymous, state, factor, solution, added, sense))
 

@@ -22,7 +22,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._tools._computing import computing
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._numbers import Numeric, of_model
+from .._tools._numbers import Numeric, of_model, or_one
 from ._log import Log
 
 _TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
@@ -203,7 +203,7 @@ def scale_by(system: Mechanism, jacobian: np.ndarray) -> Scale:
     length = float(np.abs(jacobian[~np.asarray(system.rows.angular)][:, angular]).max(initial=0.0)) or 1.0
     coordinates = np.where(angular, 1 / length, 1.0)
     rows = np.linalg.norm(jacobian * coordinates, axis=1)
-    return Scale(coordinates, np.where(rows > 0, rows, 1.0), length)
+    return Scale(coordinates, or_one(rows), length)
 
 
 def path_of(system: Mechanism, log: Log, q: Numeric, drives: Sequence[str] | None) -> Path:

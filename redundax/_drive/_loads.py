@@ -25,7 +25,7 @@ from .._solvers._solver import AbstractSolver, closed_root
 from .._system._friction import load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import custom_jvp, tolerance_of
+from .._tools._numbers import custom_jvp, or_one, tolerance_of
 from ._linear import Held
 
 # Of an orthonormal self-stress, or relative to the largest coefficient, at least so many roundings.
@@ -102,7 +102,7 @@ def moving(
     gamma = going * along_motion(system, State(q, qds[0], t)).gamma / scale.rows
     a = held.least_squares(gamma)
     size = jnp.max(jnp.abs(gamma)) + jnp.max(jnp.abs(qds[0] / scale.coordinates)) ** 2 / scale.size
-    off = jnp.max(jnp.abs(gamma - held.matrix @ a)) / jnp.where(size > 0, size, 1.0)
+    off = jnp.max(jnp.abs(gamma - held.matrix @ a)) / or_one(size)
     if system.friction:
         slips = jax.vmap(lambda qd: slip_motion(system, State(q, qd, t))[0])(qds)
     else:

@@ -15,7 +15,7 @@ from .._system._directions import directions_of
 from .._system._friction import have_sense
 from .._system._system import AbstractSystem
 from .._tools._module import numpy_of
-from .._tools._numbers import tolerance_of
+from .._tools._numbers import or_one, tolerance_of
 
 # Slip rate beside those a hundredth of a step before and after, where it turns round, and beside the fastest of all
 # slips at all times, where it is rounding; at least so many roundings.
@@ -73,7 +73,7 @@ def signs_of(system: AbstractSystem, slips: Float[Array, "... p"]) -> Float[Arra
     if directions is None:
         return xp.sign(slips)
     largest = _largest_of_joints(xp.abs(slips), _same(system))
-    along = slips / xp.where(largest > 0, largest, 1.0)
+    along = slips / or_one(largest)
     return xp.where(np.asarray(directions.directed), along, xp.sign(slips))
 
 

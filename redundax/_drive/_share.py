@@ -22,7 +22,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import as_float, check_kind, finite, positive
-from .._tools._numbers import tolerance_of
+from .._tools._numbers import or_one, tolerance_of
 from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
@@ -206,7 +206,7 @@ def _beyond(share: np.ndarray, least: np.ndarray, peaks: np.ndarray) -> np.ndarr
     """By how much forces over the limits are beyond the least peaks or below the preload, relative; 0 of none."""
     short = np.where(least != 0, np.abs(least) - np.sign(least) * share, 0.0)
     beyond = np.maximum(np.abs(share).max(axis=1) - peaks, short.max(axis=1))
-    beyond = np.maximum(beyond, 0.0) / np.where(peaks > 0, peaks, 1.0)
+    beyond = np.maximum(beyond, 0.0) / or_one(peaks)
     return np.where(np.all(np.isfinite(share), axis=1), np.where(np.isfinite(peaks), beyond, np.inf), 0.0)
 
 

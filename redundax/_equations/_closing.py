@@ -23,7 +23,7 @@ from .._system._axis import Axis, join
 from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import Numeric, custom_jvp, fori_loop, known, stop_gradient, take, xp
+from .._tools._numbers import Numeric, custom_jvp, fori_loop, known, or_one, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._kinematics import AlongMotion
 from ._misfit import Misfit, misfit_of, tolerance
@@ -187,7 +187,7 @@ def velocity_of(
     qd = scale.coordinates * found
     speed = xp.max(xp.abs(found)) + xp.max(xp.abs(misfit))
     left = xp.abs(misfit + inverse.times(change))
-    size = row_scale * xp.where(speed > 0, speed, 1.0)
+    size = row_scale * or_one(speed)
     return qd, misfit_of(left * row_scale, size, xp.asarray(True), xp.asarray(xp.inf), tolerance(qd))
 
 

@@ -22,7 +22,7 @@ from .._system._decision import CLEAR, Decision
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import batch_any
-from .._tools._numbers import cond, xp
+from .._tools._numbers import cond, or_one, xp
 from .._tools._table import AbstractFigures
 from .._tools._value import value
 from ._kinematics import change_of_jacobian, second_derivative
@@ -84,7 +84,7 @@ def rate_noise(motion: ScaledMotion, kept: Float[Array, ""]) -> Float[Array, ""]
     magnified = xp.maximum(10.0, 1 / xp.minimum(kept, 1.0))
     own = rounding * xp.max(xp.abs(motion.qd)) + xp.max(xp.abs(motion.rate))
     noise = magnified * own + rounding * motion.reached
-    return xp.where(noise > 0, noise, 1.0)
+    return or_one(noise)
 
 
 def singularity_of(
@@ -194,7 +194,7 @@ def _uneven(projector: Array, along: Array) -> Array:
     mixed = mixed + xp.where(mixed[pivot] < 0, -2.0 * projector[pivot], 2.0 * projector[pivot])
     largest = xp.max(xp.abs(mixed))
     turned = xp.where(mixed @ along < 0, -mixed, mixed)
-    return turned / xp.where(largest > 0, largest, 1.0)
+    return turned / or_one(largest)
 
 
 def ratio(part: Array, *sizes: Array) -> Array:

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import Numeric, of_model
+from .._tools._numbers import Numeric, of_model, or_one
 
 _GAUSS_NEWTON = 6  # steps, whose error is squared each time from a turn of a radian on
 
@@ -231,7 +231,7 @@ def displacement(
     none = jnp.zeros(len(system.coordinates), q.dtype)
     d, change = jax.lax.fori_loop(0, _GAUSS_NEWTON, step, (none, none))
     size = jnp.linalg.norm(jax.lax.stop_gradient(d))
-    return d, jnp.linalg.norm(jax.lax.stop_gradient(change)) / jnp.where(size > 0, size, 1.0)
+    return d, jnp.linalg.norm(jax.lax.stop_gradient(change)) / or_one(size)
 
 
 @of_model

@@ -134,7 +134,7 @@ def split(
     found = in_chunks(_decide, still, violation, tolerance, rank, alone=alone)
     values = _relative(_singular_values(still))
     dropped = _largest_dropped(values, found.rank)
-    gap = xp.where(dropped > 0, _smallest_kept(values, found.rank) / xp.where(dropped > 0, dropped, 1.0), xp.inf)
+    gap = xp.where(dropped > 0, _smallest_kept(values, found.rank) / or_one(dropped), xp.inf)
     return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.decision, found.kept)
 
 
@@ -247,7 +247,7 @@ def _stress_of(image: Array) -> Array:
 def _gram(matrix: Array) -> tuple[Array, Array]:
     """|A|_F^2, or 1 if it is zero, and A A^T over it."""
     size = xp.sum(matrix**2)
-    size = xp.where(size > 0, size, 1.0)
+    size = or_one(size)
     return size, matrix @ _transposed(matrix) / size
 
 
@@ -293,7 +293,7 @@ def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Arra
     kept = _smallest_kept(values, found)
     if rank is None:
         dropped = _largest_dropped(values, found)
-        explained = CLEAR * (_rounding(scaled) + 30 * violation) / xp.where(dropped > 0, dropped, 1.0)
+        explained = CLEAR * (_rounding(scaled) + 30 * violation) / or_one(dropped)
         margin = xp.minimum(kept / tolerance, xp.where(dropped > 0, explained, xp.inf))
     else:
         possible = (rank >= 0) & (rank <= values.size)

@@ -25,7 +25,7 @@ from jaxtyping import Array, Float, Int
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._module import batch_any
-from .._tools._numbers import chosen_of, cond, custom_jvp, solve_triangular, xp
+from .._tools._numbers import chosen_of, cond, custom_jvp, or_one, solve_triangular, xp
 
 _STEPS = 2  # of refinement
 _SETTLED = 0.01  # of a direction that tr(G A) may miss
@@ -61,7 +61,7 @@ def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Arr
     v = _largest_column(projector)
     beside = xp.where(v != 0, 1 - v**2, 0.0)
     energy, noise = _energy(matrix, v, beside, 2 * xp.abs(v) * beside, kept)
-    return xp.outer(v, v) / xp.where(energy > 0, energy, 1.0), energy / noise
+    return xp.outer(v, v) / or_one(energy), energy / noise
 
 
 def _of_several_directions(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Array]:
@@ -70,7 +70,7 @@ def _of_several_directions(matrix: Array, projector: Array, dimension: Array, ke
     rounding = matrix.shape[0] * xp.finfo(matrix.dtype).eps
     restricted = projector @ matrix @ projector
     weight = xp.trace(restricted) / xp.maximum(dimension, 1).astype(matrix.dtype)
-    weight = xp.where(weight > 0, weight, 1.0)
+    weight = or_one(weight)
     regular = restricted / weight + (one - projector)
     shift = rounding * xp.diag(xp.diagonal(regular))  # without it a direction without energy often has no factor
     factor = xp.linalg.cholesky(regular + shift)
@@ -93,7 +93,7 @@ def _largest_column(matrix: Array) -> Array:
     """The column of the largest diagonal entry of a symmetric matrix, as a unit vector; zero if it is."""
     column = matrix[xp.argmax(xp.diagonal(matrix))]
     size = xp.linalg.norm(column)
-    return column / xp.where(size > 0, size, 1.0)
+    return column / or_one(size)
 
 
 def _energy(matrix: Array, v: Array, beside: Array, turned: Array, kept: Array) -> tuple[Array, Array]:
@@ -106,7 +106,7 @@ def _energy(matrix: Array, v: Array, beside: Array, turned: Array, kept: Array) 
     sizes = xp.minimum(100 * beside, 1.0) * xp.abs(xp.diagonal(matrix))
     tilt = (rounding / xp.minimum(kept, 1.0)) ** 2 * xp.minimum(100 * xp.sum(turned**2), 1.0)
     noise = 10 * (rounding * (xp.abs(v) @ (xp.abs(matrix) @ xp.abs(v))) + tilt * xp.sum(sizes))
-    return v @ (matrix @ v), xp.where(noise > 0, noise, 1.0)
+    return v @ (matrix @ v), or_one(noise)
 
 
 @restricted_inverse.defjvp

@@ -2,7 +2,7 @@
 
 from jaxtyping import Array, Float
 
-from .._tools._numbers import xp
+from .._tools._numbers import or_one, xp
 from ._evidence import ratio
 
 
@@ -31,7 +31,7 @@ def reached_by(
 def _unconstrained(mass: Float[Array, "n n"], force: Float[Array, " n"]) -> Float[Array, ""]:
     """The size of accelerations without constraints, of the mean inertia; none without inertia."""
     inertia = xp.sum(xp.diagonal(mass)) / force.size
-    return xp.where(inertia > 0, xp.max(xp.abs(force)) / xp.where(inertia > 0, inertia, 1.0), 0.0)
+    return xp.where(inertia > 0, xp.max(xp.abs(force)) / or_one(inertia), 0.0)
 
 
 def refined(

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from .._sparse._symbolic import Symbolic
 from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
-from .._tools._numbers import known, stop_gradient, take, xp
+from .._tools._numbers import known, or_one, stop_gradient, take, xp
 from ._kinematics import Model
 
 # Radius of curvature beside a mechanism's usual size beyond which rows are straight where contacts have gaps: within
@@ -81,7 +81,7 @@ def scales_of(
     """The scales of rows of these norms, angles as lengths."""
     rows = system.rows.angular
     largest = xp.where(rows, *(xp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
-    largest = xp.where(largest > 0, largest, 1.0)
+    largest = or_one(largest)
     floor = 100 * xp.finfo(norms.dtype).eps * largest
     return Scaling(
         columns, xp.where(norms > floor, norms, largest), length, length * known(system.radian).astype(length.dtype)
@@ -136,5 +136,5 @@ def length_of(
 def _radius(square: Array, bends: Array) -> Float[Array, ""]:
     """Radius of curvature of the rows, |Phi_r| / |Phi''|, infinite of straight ones: how far off them the Jacobian
     turns by a radian."""
-    curvature = xp.sqrt(xp.mean(xp.where(square > 0, bends**2 / xp.where(square > 0, square, 1.0), 0.0)))
-    return xp.where(curvature > 0, 1 / xp.where(curvature > 0, curvature, 1.0), xp.inf)
+    curvature = xp.sqrt(xp.mean(xp.where(square > 0, bends**2 / or_one(square), 0.0)))
+    return xp.where(curvature > 0, 1 / or_one(curvature), xp.inf)

@@ -47,7 +47,7 @@ from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import are_numbers, cholesky, solve_triangular, stop_gradient, xp
+from .._tools._numbers import are_numbers, cholesky, or_one, solve_triangular, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, hold_sparse
 from ._linear import Asked, Linear, linear_of
@@ -240,7 +240,7 @@ def _root(spanned: Array, basis: Array, compliance: Array | None) -> Float[Array
     if not _is_projector(basis):
         return spanned @ _whitening(inside).T
     size = xp.trace(inside) / (2 * xp.maximum(xp.trace(basis), 1.0))
-    size = xp.where(size > 0, size, 1.0)
+    size = or_one(size)
     kept = xp.eye(inside.shape[0], dtype=inside.dtype) - basis
     return spanned @ _whitening(inside / size + kept).T / xp.sqrt(size)
 
@@ -302,7 +302,7 @@ def held_by(
     else:
         inverse_mass = _inverse(mass + 0.0 * xp.sum(basis))  # two LAPACK calls side by side can hang
     row_scale = xp.sqrt(xp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
-    row_scale = xp.where(row_scale > 0, row_scale, 1.0)
+    row_scale = or_one(row_scale)
     basis = _orthonormal((row_scale / scale.rows)[:, None] * basis, basis)
     held = stop_gradient((basis, row_scale))
     constant = system.constant_mass and not singular

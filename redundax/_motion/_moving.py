@@ -37,7 +37,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import Numeric, are_numbers, as_numbers, stop_gradient, tolerance_of, xp
+from .._tools._numbers import Numeric, are_numbers, as_numbers, or_one, stop_gradient, tolerance_of, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
 from ._linear import AnyLinear, Asked, Linear
@@ -223,7 +223,7 @@ class Equations(AbstractModule):
         they change by from there on ends with the stop, but explicit steps would multiply it."""
         directions, (fixed, before) = cast(Directions, self.directions), stop_gradient((rate, begin))
         ahead, first = (directions.along(x, directions.unit(directions.arms * before)) for x in (fixed, before))
-        return jnp.where(first > 0, fixed + ahead / jnp.where(first > 0, first, 1.0) * (begin - before), rate)
+        return jnp.where(first > 0, fixed + ahead / or_one(first) * (begin - before), rate)
 
     def change(self, state: State, y: Moving, rate: Float[Array, " p"], solved: Solved) -> Moving:
         """y', of the equations solved."""

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._system._directions import Directions
-from .._tools._numbers import tolerance_of
+from .._tools._numbers import or_one, tolerance_of
 from ._moving import NONE, Equations
 from ._slip import PAST, Seen
 
@@ -57,7 +57,7 @@ def pace(equations: Equations, t: Array, found: Seen) -> Pace:
     size = speed * directions.reach(equations.slip_size)
     slow = (left < jnp.inf) & (size <= _SLOW * equations.speed)
     turning = turned_by(equations, found.solved.tau, cast(tuple[Array, Array], found.yields)[1])
-    turn = jnp.where(slides & (turning > 0), _TURN * speed / jnp.where(turning > 0, turning, 1.0), jnp.inf)
+    turn = jnp.where(slides & (turning > 0), _TURN * speed / or_one(turning), jnp.inf)
     turns = jnp.minimum(turn, _NEARER * left)
     seen = _BACK * tolerance_of(NONE, speed) * equations.speed / jnp.where(slow, size, 1.0)
     past = (1 + jnp.maximum(2 * PAST, seen)) * left

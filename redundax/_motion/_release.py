@@ -34,7 +34,7 @@ from numpy.polynomial import legendre
 from .._system._directions import Directions
 from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
-from .._tools._numbers import chosen_of, stop_gradient, tolerance_of
+from .._tools._numbers import chosen_of, or_one, stop_gradient, tolerance_of
 from ._linear import Linear, least_friction
 from ._moving import NONE, Context, Equations, Moving, rechart
 from ._project import project
@@ -198,7 +198,7 @@ def _at_limit(release: Release, end: Array) -> Release:
     lacks = least_friction(yields, joints, fixed.slip_size)
     part = yields @ lacks
     pull = jnp.max((jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(solved.tau)) * fixed.slip_size)
-    pull = jnp.where(pull > 0, pull, 1.0)
+    pull = or_one(pull)
     size = _FELT * tolerance_of(NONE, t) * fixed.speed
     one = jnp.eye(joints.size, dtype=t.dtype)
 
@@ -337,7 +337,7 @@ def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
 def _turning(matrix: Float[Array, "p p"]) -> Array:
     """The largest rate that friction lets slips turn at, by powers: surfaces that can slide one way alone do not."""
     size = jnp.max(jnp.abs(matrix))
-    part = matrix / jnp.where(size > 0, size, 1.0)
+    part = matrix / or_one(size)
     power = part @ part @ part @ part
     least = jnp.finfo(size.dtype).tiny
     return size * jnp.max(jnp.abs(power @ part)) / jnp.maximum(jnp.max(jnp.abs(power)), least)

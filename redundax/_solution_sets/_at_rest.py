@@ -23,7 +23,7 @@ from .._system._directions import Directions, directions_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
-from .._tools._numbers import xp
+from .._tools._numbers import or_one, xp
 
 T = TypeVar("T")
 
@@ -156,7 +156,7 @@ def sense_of_start(system: AbstractSystem, state: State, factor: Factorisation) 
 def _largest_acceleration(system: AbstractSystem, factor: Factorisation) -> float:
     """Of the mechanism and of its bodies by loads alone, as lengths."""
     mass, load, a = (np.asarray(x) for x in (np.diagonal(factor.mass), factor.load, factor.acceleration))
-    parts = np.abs(a) + np.where(mass > 0, np.abs(load) / np.where(mass > 0, mass, 1.0), 0.0)
+    parts = np.abs(a) + np.where(mass > 0, np.abs(load) / or_one(mass), 0.0)
     return (parts * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)).max(initial=0.0)
 
 

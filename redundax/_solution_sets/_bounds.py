@@ -24,7 +24,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import check_kind
-from .._tools._numbers import Numeric, entries_set
+from .._tools._numbers import Numeric, entries_set, or_one
 from .._tools._value import AbstractModule
 from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
@@ -519,6 +519,6 @@ def check_definite(matrix: np.ndarray) -> None:
     if not matrix.size:
         return
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    scaled = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
+    scaled = matrix / or_one(scale)[:, None] / or_one(scale)
     if not np.linalg.eigvalsh(scaled)[0] > 1e-12:
         raise NoSolutionError(RESULTS[RESULTS.indeterminate_closure])

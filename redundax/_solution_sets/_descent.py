@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from .._solve._all_solutions import search
 from .._solvers._solver import Newton
-from .._tools._numbers import chosen_of, xp
+from .._tools._numbers import chosen_of, or_one, xp
 from ._cases import AbstractCases
 from ._climb import climb
 from ._solution_set import SolutionSet
@@ -171,7 +171,7 @@ def _descend(
         "fun": lambda share: np.nan_to_num(-at(share.tobytes())[0][x:], nan=-1.0),
         "jac": lambda share: np.nan_to_num(-at(share.tobytes())[1][x:]),
     }
-    begin = np.where(span > 0, (theta - lower) / np.where(span > 0, span, 1.0), 0.5)
+    begin = np.where(span > 0, (theta - lower) / or_one(span), 0.5)
     has_limits = np.size(at(begin.tobytes())[0]) > x
     end = minimize(
         merit,

@@ -6,6 +6,7 @@ import numpy as np
 
 from .._analysis._analyze import Report
 from .._analysis._verdict import spectral_radius
+from .._tools._numbers import or_one
 from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improve, sample
 from ._extremes import linear_extreme, vertex_extremes
@@ -104,9 +105,7 @@ class Search:
         """Solutions of little cost that lie apart, those within the limits first."""
         span = self.cases.upper - self.cases.lower
         largest = np.abs(found.tau).max(axis=0, initial=0.0)
-        place = np.concatenate(
-            [found.theta / np.where(span > 0, span, 1.0), found.tau / np.where(largest > 0, largest, 1.0)], axis=1
-        )
+        place = np.concatenate([found.theta / or_one(span), found.tau / or_one(largest)], axis=1)
         chosen: list[int] = []
         for k in np.argsort(cost + 10 * np.maximum(found.excess, 0.0)):
             if all(np.abs(place[k] - place[other]).max() > _APART for other in chosen):

@@ -12,7 +12,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._tools._numbers import Numeric, known, xp
+from .._tools._numbers import Numeric, known, or_one, xp
 from .._tools._value import AbstractModule
 from ._friction import AbstractFriction
 
@@ -53,9 +53,9 @@ class Directions(AbstractModule):
     def unit(self, surface: Float[Array, " p"]) -> Float[Array, " p"]:
         """Unit directions, joint by joint, of velocities or forces of the surfaces; 0 where they are."""
         largest = xp.max(xp.where(self.same, xp.abs(surface), 0.0), axis=1)
-        scaled = surface / xp.where(largest > 0, largest, 1.0)
+        scaled = surface / or_one(largest)
         squared = xp.sum(xp.where(self.same, scaled**2, 0.0), axis=1)
-        return scaled / xp.sqrt(xp.where(squared > 0, squared, 1.0))
+        return scaled / xp.sqrt(or_one(squared))
 
     def against(self, friction: Float[Array, " p"]) -> Float[Array, " p"]:
         """Unit directions against generalised forces of friction: in which joints slip that it holds no longer."""

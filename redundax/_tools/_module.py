@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Integer, Num, PyTree
 
 from ._compilation import is_loopless
 from ._errors import RedundaxError
-from ._numbers import are_numbers
+from ._numbers import are_numbers, or_one
 from ._value import AbstractModule
 from ._words import short, warn
 
@@ -403,7 +403,7 @@ def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:  # noq
 @safe_norm.defjvp
 def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     v, size = primals[0], safe_norm(*primals)  # d|v| = v . dv / |v|
-    divisor = jnp.where(size > 0, size, 1.0)
+    divisor = or_one(size)
     return size, functools.reduce(operator.add, [v[k] / divisor * tangents[0][k] for k in range(v.shape[0])])
 
 

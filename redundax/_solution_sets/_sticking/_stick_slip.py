@@ -26,7 +26,7 @@ from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
 from ..._system._directions import Directions
 from ..._tools._compilation import compiled
-from ..._tools._numbers import Numeric
+from ..._tools._numbers import Numeric, or_one
 from .._at_rest import NONE, ReducedForce, ball_sizes
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
@@ -123,7 +123,7 @@ def started(drive: ReducedForce, tau: np.ndarray, limits: Limits | LimitSamples)
         ball, directed = drive.directions, drive.directions.directed
         surface = np.asarray(ball.arms) * alpha
         along = np.sqrt(surface**2 @ ball.same)
-        share = surface**2 / np.where(along > 0, along, 1.0)
+        share = surface**2 / or_one(along)
         least = np.where(directed, -ball_sizes(ball, high) / np.asarray(ball.arms) * share, least)
     gap = (tau * alpha - least).sum(axis=1)
     error = np.sqrt(2 * np.maximum(gap, 0.0))
