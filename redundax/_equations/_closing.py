@@ -176,7 +176,7 @@ def velocity_of(
     motion, scale, slopes, inverse_of = kind.along(system, state, driven)
     row_scale = row_scales(system, driven, scale)
     misfit = xp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
-    drift = xp.max(xp.abs(motion.value) / scale.rows) / scale.size
+    drift = xp.max(xp.abs(scale.violations(motion.value)))
     inverse = inverse_of(slopes * scale.coordinates / row_scale[len(scale.rows) :, None], drift)
     change = -inverse(misfit)
     guess = state.qd / scale.coordinates

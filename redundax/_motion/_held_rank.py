@@ -98,7 +98,7 @@ class Held(AbstractModule):
         """A rank held at another state, and the rank found there; `redundancy` is m - rank where that is no traced
         number."""
         matrix = system.jacobian(state.q, state.t)
-        position = xp.max(xp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
+        position = xp.max(xp.abs(scale.violations(system.constraint(state.q, state.t))))
         parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
         found = xp.sum(spectrum.singular_values > spectrum.tolerance)
         return held_by(system, state, scale, parts.stress, redundancy, singular=self.singular), found
