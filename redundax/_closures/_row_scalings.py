@@ -48,7 +48,7 @@ class UnitConsistent(AbstractClosure):
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         model = model_at(system, state)
         matrix, scales = model.jacobian, scaling(system, model)
-        some = jnp.abs(matrix * scales.coordinates / scales.rows[:, None]) > _ZERO
+        some = jnp.abs(scales.scaled(matrix)) > _ZERO
         logs = jnp.where(some, jnp.log(jnp.where(some, jnp.abs(matrix), 1.0)), 0.0)
         counts = some.astype(matrix.dtype)
         # normal equations of the least squares, singular in one direction for each block of the matrix

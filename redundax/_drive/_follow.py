@@ -119,7 +119,7 @@ def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _N
     settled = tolerance_of(_SETTLED, q)
 
     def step(now: _Newton) -> _Newton:
-        matrix = system.jacobian(now.q, t) * scale.coordinates / scale.rows[:, None]
+        matrix = scale.scaled(system.jacobian(now.q, t))
         residual = system.constraint(now.q, t) / scale.rows
         u, rate = -_least_squares(matrix, jnp.stack([residual, _prescribed(system, scale, now.q, t)], axis=1)).T
         size = jnp.max(jnp.abs(u)) / scale.size

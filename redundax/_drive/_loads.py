@@ -71,13 +71,10 @@ def _on_constraints_jvp(primals: tuple, tangents: tuple) -> tuple:
     _, change = eqx.filter_jvp(lambda system, t: system.constraint(q, t), (system, t), by)
     if change is None:
         return q, jnp.zeros_like(q)
-    d = -scale.coordinates * _held(system, scale, q, t).least_squares(change / scale.rows)
+    held = Held.of(scale.scaled(system.jacobian(q, t)))
+    d = -scale.coordinates * held.least_squares(change / scale.rows)
     zero, one = jnp.zeros((), q.dtype), jnp.ones((), q.dtype)
     return q, jax.jvp(lambda s: system.retract(q, s * d), (zero,), (one,))[1]
-
-
-def _held(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> Held:
-    return Held.of(system.jacobian(q, t) * scale.coordinates / scale.rows[:, None])
 
 
 def moving(
@@ -91,7 +88,7 @@ def moving(
     """How it moves at a position, and the equations there. `beside` are times before and after, at which laws are asked
     for senses of slip; where `going` is 0 it stands still."""
     q = on_constraints(q, system, scale, t)
-    held, zero = _held(system, scale, q, t), jnp.zeros(len(system.coordinates), q.dtype)
+    held, zero = Held.of(scale.scaled(system.jacobian(q, t))), jnp.zeros(len(system.coordinates), q.dtype)
     going = jnp.ones((), q.dtype) if going is None else going
 
     def rates(t: Array) -> tuple[Array, Array]:

@@ -30,7 +30,7 @@ def velocity_of(
     system: AbstractSystem, scale: Scaling, q: Array, t: Array
 ) -> tuple[Float[Array, " n"], Bool[Array, ""]]:
     """S^-1 v of all rows by least squares, and whether it meets them. Normal equations, refined once."""
-    matrix = system.jacobian(q, t) * scale.coordinates / scale.rows[:, None]
+    matrix = scale.scaled(system.jacobian(q, t))
     still = State(q, jnp.zeros(len(system.coordinates), q.dtype), t)
     right = -constraint_motion(system, still)[1] / scale.rows
     factor = jnp.linalg.cholesky(matrix.T @ matrix), True

@@ -120,7 +120,7 @@ def lacking(
 ) -> Lacking:
     """K and g with the rows that they lack; `noise` is that of K and that of the velocity."""
     rate, third = third_order(system, state)
-    turn = rate * scales.coordinates / scales.rows[:, None]
+    turn = scales.scaled(rate)
     size = or_one(xp.linalg.norm(turn))
     turn, bend = turn / size, third / scales.rows / (3 * size)
     rows, wanted = parts.stress @ turn, -parts.stress @ bend

@@ -90,8 +90,7 @@ class DenseClosing(AbstractClosing):
         scale = scaling(system, model)
 
         def inverse(slopes: Array, violation: Array) -> DensePseudoinverse:
-            own = model.jacobian * scale.coordinates / scale.rows[:, None]
-            return dense_pseudoinverse(xp.concatenate([own, slopes]), violation)
+            return dense_pseudoinverse(xp.concatenate([scale.scaled(model.jacobian), slopes]), violation)
 
         still = xp.zeros_like(state.qd)
         slopes = xp.zeros((0, still.size), still.dtype)

@@ -95,7 +95,7 @@ def singularity_of(
     if not system.velocity_rows:
         return found
     way = probe(motion, parts, scales)
-    change = change_of_jacobian(system, state, way, xp.ones_like(state.t)) * scales.coordinates / scales.rows[:, None]
+    change = scales.scaled(change_of_jacobian(system, state, way, xp.ones_like(state.t)))
     turned = change @ parts.motion
     terms = (
         sum(xp.max(xp.abs(part)) for part in (turned, parts.inverse @ turned)) + _speed(motion, scales) / scales.size

@@ -38,7 +38,7 @@ def scaled_kinematics(system: AbstractSystem, state: State) -> ScaledKinematics:
     matrix, motion = model.jacobian, model.motion
     check_shapes(system, constraint=matrix[:, 0], mass=model.mass, load=model.load)
     scales = scaling(system, model)
-    scaled = matrix * scales.coordinates / scales.rows[:, None]
+    scaled = scales.scaled(matrix)
     position = xp.max(xp.abs(scales.violations(motion.value)))
     return ScaledKinematics(scaled, matrix, position, scales, motion, model.explicit, model.mass, model.load)
 

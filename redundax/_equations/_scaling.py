@@ -41,6 +41,10 @@ class Scaling(NamedTuple):
         """Values of constraints relative to the size of the mechanism; those of contacts are minus their gaps."""
         return values / self.rows / self.size
 
+    def scaled(self, jacobian: Float[Array, "m n"]) -> Float[Array, "m n"]:
+        """K of Phi_q."""
+        return jacobian * self.coordinates / self.rows[:, None]
+
 
 def largest_violation(dtype: DTypeLike) -> float:
     """How far off the manifold a state may be, relative to the size of the mechanism: 1e-6 in float64."""

@@ -99,7 +99,7 @@ class Held(AbstractModule):
         number."""
         matrix = system.jacobian(state.q, state.t)
         position = xp.max(xp.abs(scale.violations(system.constraint(state.q, state.t))))
-        parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
+        parts, spectrum = split(scale.scaled(matrix), position, rank)
         found = xp.sum(spectrum.singular_values > spectrum.tolerance)
         return held_by(system, state, scale, parts.stress, redundancy, singular=self.singular), found
 
