@@ -33,6 +33,8 @@ _LEAST, _STRAIGHT = 1e-3, 0.1
 _TOLD, _MUCH = 1e-12, 0.3
 # Part of the largest load up to which a joint with play has none: more would tell late that it comes to a side.
 _LOADED = 1e-14
+# How often the way between two loads is split: a guide bends twice, others hardly more.
+_SPLITS = 6
 # How near to a bend, relative to the looks at a motion, steps end and the one begins that crosses it; the same with
 # play, whose sides are not told within some 1e-10 of a change; and most turns of false position.
 _NEAR, _NEAR_SIDES, _TURNS = 1e-7, 1e-6, 30
@@ -143,10 +145,19 @@ def ahead(
     """When a step should end for a bend, infinite where it need not; and whether it is a tiny one across it, or one
     that tells loads where they are not known."""
     found, short = bends < jnp.inf, end - begin <= 4 * near
-    before = bends - jnp.maximum(near / 2, _BEFORE * (bends - begin))
-    aim = jnp.where(found & (bends - begin > near), before, begin + 2 * near)
+    aim = jnp.where(found & (bends - begin > near), _just_before(bends, begin, near), begin + 2 * near)
     wanted = found | ~known
     return jnp.where(wanted & ~short, aim, jnp.inf), wanted & short
+
+
+def before_opening(opens: Array, begin: Array, near: Array) -> Float[Array, ""]:
+    """When a step should end for a contact that opens at a time, infinite where it begins just before that or at none:
+    its own friction bends there, and that of others may at the same instant."""
+    return jnp.where(opens - begin > near, _just_before(opens, begin, near), jnp.inf)
+
+
+def _just_before(t: Array, begin: Array, near: Array) -> Array:
+    return t - jnp.maximum(near / 2, _BEFORE * (t - begin))
 
 
 def _felt(law: Law, loads: Float[Array, " l"]) -> Float[Array, " l"]:
@@ -188,20 +199,54 @@ def _root(
     return (root.low + root.high) / 2
 
 
+class _Span(NamedTuple):
+    """Parts of the way from loads to others between which the friction of each slip may bend, its values and slopes
+    there, and at what part it does; infinite as long as that is not found."""
+
+    low: Array
+    high: Array
+    values: tuple[Array, Array]
+    slopes: tuple[Array, Array]
+    found: Array
+
+
 def _parts(law: Law, before: Float[Array, " l"], after: Float[Array, " l"]) -> Float[Array, " p"]:
-    """At what part of the way from loads to others the friction of each slip bends; infinite where it does not."""
+    """At what part of the way from loads to others the friction of each slip bends first; infinite where it does not.
+
+    Where it bends more than once, as that of a guide with a moment, its tangents meet between bends: these are looked
+    for on either side.
+    """
     way = after - before
 
-    def tangent(loads: Float[Array, " l"]) -> tuple[Array, Array]:
-        return jax.jvp(law.force, (loads,), (way,))
+    def tangent(part: Array) -> tuple[Array, Array]:
+        """Of each slip at its own part."""
+        both = jax.vmap(lambda x: jax.jvp(law.force, (before + x * way,), (way,)))(part)
+        return jnp.diagonal(both[0]), jnp.diagonal(both[1])
 
-    (one, first), (two, last) = tangent(before), tangent(after)
-    change = last - first
-    bends = jnp.abs(change) > _LEAST * (jnp.abs(first) + jnp.abs(last))
-    part = jnp.where(bends, (one - two + last) / jnp.where(bends, change, 1.0), -1.0)
-    there = jnp.diagonal(jax.vmap(lambda x: law.force(before + x * way))(part))
-    straight = jnp.abs(there - (one + part * first)) <= _STRAIGHT * jnp.abs(part * (1 - part) * change)
-    return jnp.where(bends & straight & (part > 0) & (part < 1), part, jnp.inf)
+    def bent(one: Array, other: Array) -> Array:
+        return jnp.abs(other - one) > _LEAST * (jnp.abs(one) + jnp.abs(other))
+
+    def narrower(_: Array, now: _Span) -> _Span:
+        (one, two), (first, last), bends = now.values, now.slopes, bent(*now.slopes)
+        change = jnp.where(bends, last - first, 1.0)
+        part = jnp.where(bends, (one - two + last * now.high - first * now.low) / change, -1.0)
+        bends = bends & (part > now.low) & (part < now.high) & (now.found == jnp.inf)
+        there, slope = tangent(part)
+        chord = (part - now.low) * (now.high - part) / (now.high - now.low) * change
+        straight = jnp.abs(there - one - first * (part - now.low)) <= _STRAIGHT * jnp.abs(chord)
+        before, after = bends & ~straight & bent(first, slope), bends & ~straight & ~bent(first, slope)
+        return _Span(
+            jnp.where(after, part, now.low),
+            jnp.where(before, part, now.high),
+            (jnp.where(after, there, one), jnp.where(before, there, two)),
+            (jnp.where(after, slope, first), jnp.where(before, slope, last)),
+            jnp.where(bends & straight, part, now.found),
+        )
+
+    none = jnp.zeros(law.rate.shape, way.dtype)
+    begin, end = tangent(none), tangent(none + 1)
+    span = _Span(none, none + 1, (begin[0], end[0]), (begin[1], end[1]), none + jnp.inf)
+    return jax.lax.fori_loop(0, _SPLITS, narrower, span).found
 
 
 def _same_sides(play: Play, one: Float[Array, " m"], other: Float[Array, " m"]) -> Bool[Array, ""]:

@@ -29,7 +29,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
-from ._bend import Bent, ahead, bend_of_friction, bend_of_load, nearness
+from ._bend import Bent, ahead, before_opening, bend_of_friction, bend_of_load, nearness
 from ._controller import Verdict, size_of
 from ._crossing import Bend, Ends, crossed
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
@@ -233,7 +233,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             hit, stops = first_hit(fixed, (begun, t), there, between, before.context)
             good, size = good | (stops & ~begin.lands), jnp.where(stops & ~begin.lands, 0.0, size)
         seen_at = t if event is None else jnp.minimum(t, event[1].time)
-        bends, crosses, over = _bend(fixed, found, (begun, seen_at, there.at(t)), between, before, begin)
+        bends, crosses, over = _bend(fixed, found, (begun, seen_at, there.at(t)), between, before, begin, hit)
         y = crossed(Ends(equations, (t0, y0), (t1, y), context), over)
         if event is None:
             told = _without_slips(jnp.where(good, size, jnp.inf), bends, crosses, hit, begin)
@@ -363,10 +363,11 @@ def _bend(
     between: Callable[[Array], Moving],
     now: Carried,
     begin: Begin,
+    hit: Hit | None,
 ) -> tuple[Float[Array, ""], Bool[Array, ""], Bend]:
-    """When a step should end for a bend of friction, where derivatives are taken, infinite where there is none; whether
-    it is the one that crosses it, and what. Given its begin, when it was seen last, as at an event in it, and its
-    end."""
+    """When a step should end for a bend of friction or loads, or a contact that opens, where derivatives are taken,
+    infinite where there is none; whether it is the one that crosses a bend, and what. Given its begin, when it was seen
+    last, as at an event in it, and its end."""
     (start, stop, state), solved, no = step, found.solved, jnp.zeros((), bool)
     system, loaded = equations.system, equations.loaded and found.solved is not None
     never = jnp.full_like(stop, jnp.inf), no, Bend(no, jnp.zeros_like(now.loads[1]), no)
@@ -394,6 +395,9 @@ def _bend(
             load = bend_of_load(lambda t: equations.scaling.coordinates * system.load(there(t)), start, stop, near)
             bent = bent._replace(time=jnp.minimum(bent.time, load), several=bent.several | (load <= bent.time))
         aim, crosses = ahead(bent.time, known, start, stop, near)
+        if loaded and hit is not None:
+            opens = jnp.any(hit.which & equations.touching.kept[np.array(system.names.one_sided)]) & ~begin.lands
+            aim = jnp.minimum(aim, before_opening(jnp.where(opens, hit.time, -jnp.inf), start, near))
         return aim, crosses, Bend(crosses & (bent.time < jnp.inf), bent.weights, bent.several)
 
     return jax.lax.cond(begin.differentiated, first, lambda: never)

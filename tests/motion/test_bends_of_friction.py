@@ -131,3 +131,68 @@ def test_a_load_that_jumps_is_no_reversal(jumps):
 
     found = jax.jvp(run, (0.0,), (1.0,))[1]
     np.testing.assert_allclose(found, MU / MASS * (0.4 - 0.6), rtol=0, atol=1e-8)
+
+
+def wrench(force, moment):
+    return rx.Wrench(force, moment), rx.Wrench(0.0 * force, 0.0 * moment)
+
+
+def across(t, shift):
+    """SIZE (cos(6 t + 0.3) + shift) down."""
+    return jnp.stack([0.0 * t, -SIZE * (jnp.cos(6.0 * t + 0.3) + shift)])
+
+
+@pytest.mark.slow
+def test_derivatives_pass_both_reversals_of_a_guide_with_a_small_moment():
+    """Off by 0.02: friction of a step past both is not that of one bend, so that it was none."""
+    length = 0.5
+
+    def end(given):
+        guide = rx.Translational(
+            "K", "block", "ground", (0, 0), (0, 0), (0, 1), friction=rx.Coulomb(MU), guide_length=length
+        )
+        loads = [rx.LoadFunction("block", lambda i, j, t, p: wrench(across(t, p[0]), p[1] + 0.0 * t), parameters=given)]
+        mechanism = rx.Mechanism([rx.Body("block", MASS, 0.3)], [guide], loads=loads)
+        state = rx.State(jnp.zeros(3), jnp.array([10.0, 0.0, 0.0]))
+        return rx.simulate(mechanism, state, END, ts=[END], rtol=1e-7, adjoint=diffrax.ForwardMode()).qd[0, 0]
+
+    slope = jax.jit(jax.jacfwd(end))
+    for moment in (1e-6, 1e-4, 1e-2, 0.1):
+        ends = np.array([1.0, -1.0])  # each bears N / 2 + M / length or the other way
+        both = [-0.3 - side * 2 * moment / length / SIZE for side in ends]
+        turns = np.array(
+            [[(way * np.arccos(c) - 0.3 + 2 * np.pi * k) / 6 for k, way in ((0, 1), (1, -1))] for c in both]
+        )
+        signs = turns[:, 0] - (turns[:, 1] - turns[:, 0]) + END - turns[:, 1]  # integrals of each end's
+        want = -MU / MASS * np.array([SIZE / 2 * signs.sum(), ends @ signs / length])
+        np.testing.assert_allclose(slope(jnp.array([0.3, moment])), want, rtol=0, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_derivatives_pass_a_rough_foot_that_lifts_and_a_reversal_at_that_instant():
+    """Off by 1e-3 and 4e-3: the step to the event told friction just past it."""
+    end, mu = 0.5, 0.2
+    turn = (np.arccos(-0.3) - 0.3) / 6
+
+    def moved(shifts):
+        at, up, rough = (0.0, 0.0), (0.0, 1.0), rx.Coulomb(mu)
+        joints = [
+            rx.PinInSlot("F", "foot", "ground", at, at, up, friction=rough, one_sided=True),
+            rx.PinInSlot("S", "pin", "ground", at, at, up, friction=rough),
+        ]
+        loads = [
+            rx.LoadFunction(name, lambda i, j, t, p: wrench(across(t, p), 0.0 * t), parameters=shift)
+            for name, shift in zip(("foot", "pin"), shifts, strict=True)
+        ]
+        mechanism = rx.Mechanism([rx.Body("foot", MASS, 0.3), rx.Body("pin", MASS, 0.3)], joints, loads=loads)
+        rates = [10.0 * name.endswith(".x") for name in mechanism.coordinates.labels]
+        start = rx.State(jnp.zeros(6), jnp.array(rates))
+        options = {"rtol": 1e-7, "max_phases": 3, "adjoint": diffrax.ForwardMode()}
+        run = rx.simulate(mechanism, start, end, ts=[end], **options)
+        return jnp.stack([run.qd[0, mechanism.coordinates.labels.index(name)] for name in ("foot.x", "pin.x")])
+
+    slope = jax.jit(jax.jacfwd(moved))
+    for late in (0.0, 1e-9, -1e-9):
+        other = (np.arccos(-0.3 - late) - 0.3) / 6
+        want = -mu * SIZE / MASS * np.diag([turn, other - (end - other)])
+        np.testing.assert_allclose(slope(jnp.array([0.3, 0.3 + late])), want, rtol=0, atol=1e-7)
