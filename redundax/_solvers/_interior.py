@@ -118,7 +118,7 @@ def interior(
         radius = jnp.where(size > 0, jnp.sqrt(squared), 0.0)
         return about, radius, size, jnp.max(jnp.abs(radius - size), initial=0.0)
 
-    def on_limit(_: int, force: Array) -> Array:
+    def on_limit(_: Array, force: Array) -> Array:
         about, radius, size = off(force)[:3]
         return force + about * (radius / jnp.where(size > 0, size, 1.0) - 1) * (size > 0)
 
