@@ -33,8 +33,8 @@ _LEAST, _STRAIGHT = 1e-3, 0.1
 _TOLD, _MUCH = 1e-12, 0.3
 # Part of the largest load up to which a joint with play has none: more would tell late that it comes to a side.
 _LOADED = 1e-14
-# How often the way between two loads is split: a guide bends twice, others hardly more.
-_SPLITS = 6
+# How often the way between two loads is split at most: a guide bends twice, others hardly more, and few in one step.
+_SPLITS = 12
 # How near to a bend, relative to the looks at a motion, steps end and the one begins that crosses it; the same with
 # play, whose sides are not told within some 1e-10 of a change; and most turns of false position.
 _NEAR, _NEAR_SIDES, _TURNS = 1e-7, 1e-6, 30
@@ -92,8 +92,7 @@ def bend_of_friction(
     multipliers are given."""
     (start, first), (stop, last) = begin, end
     ends = _felt(law, first[rows]), _felt(law, last[rows])
-    parts = jnp.where(sticking, jnp.inf, _parts(law, *ends))
-    slip, part = jnp.argmin(parts), jnp.min(parts)
+    slip, part, count = _first_bend(law, *ends, sticking)
     found, t, through = part < jnp.inf, start + part * (stop - start), _through(law, slip, ends)
     if play is not None:
         before, after = ends
@@ -105,7 +104,7 @@ def bend_of_friction(
             return jnp.where(bends, through @ (multipliers[rows] - at_bend), side)
 
         t = _root(lambda t: value(at(t)), (start, value(first)), (stop, value(last)), near, found)
-    several = (jnp.sum(parts < jnp.inf) > 1) | (play is not None)
+    several = (count > 1) | (play is not None)
     return Bent(jnp.where(found, t, jnp.inf), jnp.zeros_like(last).at[rows].add(through), several)
 
 
@@ -201,52 +200,68 @@ def _root(
 
 class _Span(NamedTuple):
     """Parts of the way from loads to others between which the friction of each slip may bend, its values and slopes
-    there, and at what part it does; infinite as long as that is not found."""
+    there; the slip that bends first and at what part, infinite as long as that is not found; and how often it was
+    split."""
 
     low: Array
     high: Array
     values: tuple[Array, Array]
     slopes: tuple[Array, Array]
-    found: Array
+    slip: Array
+    part: Array
+    splits: Array
 
 
-def _parts(law: Law, before: Float[Array, " l"], after: Float[Array, " l"]) -> Float[Array, " p"]:
-    """At what part of the way from loads to others the friction of each slip bends first; infinite where it does not.
+def _first_bend(
+    law: Law, before: Float[Array, " l"], after: Float[Array, " l"], sticking: Bool[Array, " p"]
+) -> tuple[Int[Array, ""], Float[Array, ""], Int[Array, ""]]:
+    """The slip whose friction bends first, of those that do not stick, at what part of the way from loads to others,
+    infinite where none does; and how many bend on it.
 
-    Where it bends more than once, as that of a guide with a moment, its tangents meet between bends: these are looked
-    for on either side.
+    Where tangents meet first it is looked at all. Where one bends more than once, as that of a guide with a moment, its
+    tangents meet between bends: these are looked for on either side.
     """
     way = after - before
 
     def tangent(part: Array) -> tuple[Array, Array]:
-        """Of each slip at its own part."""
-        both = jax.vmap(lambda x: jax.jvp(law.force, (before + x * way,), (way,)))(part)
-        return jnp.diagonal(both[0]), jnp.diagonal(both[1])
+        return jax.jvp(law.force, (before + part * way,), (way,))
 
     def bent(one: Array, other: Array) -> Array:
-        return jnp.abs(other - one) > _LEAST * (jnp.abs(one) + jnp.abs(other))
+        return ~sticking & (jnp.abs(other - one) > _LEAST * (jnp.abs(one) + jnp.abs(other)))
 
-    def narrower(_: Array, now: _Span) -> _Span:
+    def meetings(now: _Span) -> Array:
+        """At what parts tangents of slips meet; infinite where they do not between their ends."""
         (one, two), (first, last), bends = now.values, now.slopes, bent(*now.slopes)
-        change = jnp.where(bends, last - first, 1.0)
-        part = jnp.where(bends, (one - two + last * now.high - first * now.low) / change, -1.0)
-        bends = bends & (part > now.low) & (part < now.high) & (now.found == jnp.inf)
+        part = (one - two + last * now.high - first * now.low) / jnp.where(bends, last - first, 1.0)
+        return jnp.where(bends & (part > now.low) & (part < now.high), part, jnp.inf)
+
+    def going(now: _Span) -> Array:
+        return (now.part == jnp.inf) & (jnp.min(meetings(now)) < jnp.inf) & (now.splits < _SPLITS)
+
+    def narrower(now: _Span) -> _Span:
+        (one, two), (first, last), parts = now.values, now.slopes, meetings(now)
+        slip, part = jnp.argmin(parts), jnp.min(parts)
         there, slope = tangent(part)
-        chord = (part - now.low) * (now.high - part) / (now.high - now.low) * change
+        chord = (part - now.low) * (now.high - part) / (now.high - now.low) * (last - first)
         straight = jnp.abs(there - one - first * (part - now.low)) <= _STRAIGHT * jnp.abs(chord)
-        before, after = bends & ~straight & bent(first, slope), bends & ~straight & ~bent(first, slope)
+        inside, earlier = (part > now.low) & (part < now.high), bent(first, slope)
+        below, above = inside & ~earlier, inside & earlier
         return _Span(
-            jnp.where(after, part, now.low),
-            jnp.where(before, part, now.high),
-            (jnp.where(after, there, one), jnp.where(before, there, two)),
-            (jnp.where(after, slope, first), jnp.where(before, slope, last)),
-            jnp.where(bends & straight, part, now.found),
+            jnp.where(below, part, now.low),
+            jnp.where(above, part, now.high),
+            (jnp.where(below, there, one), jnp.where(above, there, two)),
+            (jnp.where(below, slope, first), jnp.where(above, slope, last)),
+            slip,
+            jnp.where(straight[slip], part, jnp.inf),
+            now.splits + 1,
         )
 
     none = jnp.zeros(law.rate.shape, way.dtype)
-    begin, end = tangent(none), tangent(none + 1)
-    span = _Span(none, none + 1, (begin[0], end[0]), (begin[1], end[1]), none + jnp.inf)
-    return jax.lax.fori_loop(0, _SPLITS, narrower, span).found
+    begin, end = tangent(jnp.zeros((), way.dtype)), tangent(jnp.ones((), way.dtype))
+    slopes, no = (begin[1], end[1]), jnp.zeros((), int)
+    span = _Span(none, none + 1, (begin[0], end[0]), slopes, no, jnp.full((), jnp.inf, way.dtype), no)
+    found = jax.lax.while_loop(going, narrower, span)
+    return found.slip, found.part, jnp.sum(bent(*slopes))
 
 
 def _same_sides(play: Play, one: Float[Array, " m"], other: Float[Array, " m"]) -> Bool[Array, ""]:
