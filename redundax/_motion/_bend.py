@@ -114,13 +114,15 @@ def bend_of_load(
     """When a load, free of units, bends as a function of time, infinite where it does not: halves in which its slope
     changes by more are looked at as long as that is much of what it changes by in all."""
 
+    norm = jnp.linalg.norm
+
     def slope(t: Array) -> tuple[Array, Array]:
         return jax.jvp(load, (t,), (jnp.ones_like(t),))
 
     def halved(now: _Halved) -> _Halved:
         t = (now.low + now.high) / 2
         there = slope(t)[1]
-        left = jnp.linalg.norm(there - now.first) >= jnp.linalg.norm(now.last - there)
+        left = norm(there - now.first) >= norm(now.last - there)
         low, high = jnp.where(left, now.low, t), jnp.where(left, t, now.high)
         return _Halved(low, high, jnp.where(left, now.first, there), jnp.where(left, there, now.last))
 
@@ -128,10 +130,10 @@ def bend_of_load(
         return bends & (now.high - now.low > near / 4) & is_much(now)
 
     def is_much(now: _Halved) -> Array:
-        return jnp.linalg.norm(now.last - now.first) > _MUCH * change
+        return norm(now.last - now.first) > _MUCH * change
 
     (one, first), (two, last) = slope(begin), slope(end)
-    change, norm = jnp.linalg.norm(last - first), jnp.linalg.norm
+    change = norm(last - first)
     least = _LEAST * (norm(first) + norm(last)) + _TOLD * (norm(one) + norm(two)) / (end - begin)
     bends = change > least
     found = jax.lax.while_loop(going, halved, _Halved(begin, end, first, last))

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._system._directions import Directions
+from .._tools._numbers import or_one
 
 _STEPS = 60
 # Part of the way to where a slack or multiplier is zero that a step takes.
@@ -73,9 +74,9 @@ def interior(
     held = directions.any(low < high) & ~blocked
     size = jnp.max(weight * jnp.maximum(jnp.abs(low), jnp.abs(high)), initial=0.0)
     each = jnp.where(same, weight * arms, 0.0).max(axis=1)  # alike in all directions of a joint
-    unit = jnp.where(size > 0, size, 1.0) / each  # of friction
+    unit = or_one(size) / each  # of friction
     pull = jnp.max(jnp.where(held, unit * (jnp.abs(free) + jnp.abs(matrix) @ unit), 0.0), initial=0.0)
-    pull = jnp.where(pull > 0, pull, 1.0)
+    pull = or_one(pull)
     free, matrix = unit * free / pull, unit[:, None] * matrix * unit / pull
     which = same & held[:, None] & held
 
@@ -120,7 +121,7 @@ def interior(
 
     def on_limit(_: Array, force: Array) -> Array:
         about, radius, size = off(force)[:3]
-        return force + about * (radius / jnp.where(size > 0, size, 1.0) - 1) * (size > 0)
+        return force + about * (radius / or_one(size) - 1)
 
     last = jax.lax.fori_loop(0, _LAST, on_limit, end.force)
     tau = arms * unit * jnp.where(off(last)[3] < off(end.force)[3], last, end.force)
@@ -176,7 +177,7 @@ def _stepped(
     before, first = mean(slack, multiplier), direction(jnp.zeros_like(slack))
     far = part(first)
     ahead = mean(slack + far * first[1], multiplier + far * first[2])
-    centre = jnp.clip((ahead / jnp.where(before > 0, before, 1.0)) ** 3, 1e-4, 1.0) * before
+    centre = jnp.clip((ahead / or_one(before)) ** 3, 1e-4, 1.0) * before
     centre = jnp.maximum(centre, least)
     last = direction(centre - far * far * first[1] * first[2])
     go = part(last)
