@@ -16,7 +16,8 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
-from .._tools._module import as_float, as_functions, replace_fields, tree_pick, tree_take
+from .._tools._functions import as_functions
+from .._tools._module import as_float, replace_fields, tree_pick, tree_take
 from .._tools._value import AbstractModule
 from ._frame import AbstractFrame, AbstractPose
 from ._friction_model import AbstractFrictionModel, Times

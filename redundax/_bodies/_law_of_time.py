@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
+from .._tools._functions import as_functions
 from .._tools._module import (
     Numbers,
-    as_functions,
     check_takes,
     figure,
     finite,

@@ -23,9 +23,9 @@ from .._system._state import State
 from .._system._system import AbstractSystem, Path, among, check_system_at
 from .._system._units import Units, stated
 from .._tools._errors import RedundaxError
+from .._tools._functions import as_functions
 from .._tools._module import (
     Numbers,
-    as_functions,
     check_call,
     check_kind,
     floats,

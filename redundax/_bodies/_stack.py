@@ -17,7 +17,8 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._compilation import is_loopless
 from .._tools._errors import RedundaxError
-from .._tools._module import as_functions, numpy_of, on_device, ones_at, replace_fields, tree_add, tree_pick, tree_take
+from .._tools._functions import as_functions
+from .._tools._module import numpy_of, on_device, ones_at, replace_fields, tree_add, tree_pick, tree_take
 from .._tools._value import AbstractModule
 from ._body import GROUND
 from ._figures import check_figures, check_vectors

@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
+from .._tools._functions import as_functions
 from .._tools._module import (
     Numbers,
-    as_functions,
     as_parameters,
     check_callable,
     figure,

@@ -24,10 +24,10 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._sparse._symbolic import Symbolic
 from .._tools._errors import RedundaxError
+from .._tools._functions import as_functions
 from .._tools._module import (
     Numbers,
     as_float,
-    as_functions,
     as_parameters,
     check_kind,
     check_takes,

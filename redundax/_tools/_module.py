@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import ModuleType, UnionType
 from typing import Any, SupportsIndex, TypeVar, cast
 
-import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
@@ -21,8 +20,8 @@ from jaxtyping import Array, Bool, Float, Integer, Num, PyTree
 
 from ._compilation import is_loopless
 from ._errors import RedundaxError
+from ._functions import Function, as_functions
 from ._numbers import are_numbers, or_one
-from ._value import AbstractModule
 from ._words import short, warn
 
 T = TypeVar("T")
@@ -109,20 +108,6 @@ def optional_float(value: Numbers | None, argument: str = "") -> Array | None:
     return None if value is None else as_float(value, argument)
 
 
-class Plain(AbstractModule):
-    """A function without numbers of its own as a pytree without leaves, so that it passes through `jax.jit`."""
-
-    function: Callable[..., PyTree] = eqx.field(static=True)
-
-    def __call__(self, *arguments: PyTree, **named: PyTree) -> PyTree:
-        return self.function(*arguments, **named)
-
-
-def as_functions(tree: PyTree) -> PyTree:
-    """A function or a pytree that holds some, with functions that are no pytrees themselves as `Plain` ones."""
-    return jax.tree.map(lambda x: Plain(x) if callable(x) else x, tree)
-
-
 def as_parameters(tree: PyTree) -> PyTree:
     """The pytree with its numbers as arrays, each of its own kind."""
     try:
@@ -177,7 +162,7 @@ def check_takes(argument: str, function: object, *given: str) -> None:
     """Refuse a function of the user that does not take what it will be given, one after the other."""
     function = check_callable(argument, function)
     try:
-        wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+        wanted = inspect.signature(function.given() if isinstance(function, Function) else function)
     except (TypeError, ValueError):  # of a compiled function, which does not tell
         return
     try:
@@ -199,7 +184,7 @@ def check_callable(argument: str, function: object) -> Callable[..., object]:
 def check_call(name: str, function: Callable[..., object], *arguments: object, **named: object) -> None:
     """Refuse arguments that a function of the user does not take."""
     check_callable(name, function)
-    wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+    wanted = inspect.signature(function.given() if isinstance(function, Function) else function)
     try:
         wanted.bind(*arguments, **named)
     except TypeError as error:

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, is_real, part, tracing
+from ..._tools._functions import as_functions
+from ..._tools._module import as_parameters, check_kind, check_takes, is_real, part, tracing
 from .._body import GROUND, name_of
 from .._pose import Motion, Pose, Wrench
 from ._base import AbstractLoad, M, W

@@ -1,0 +1,73 @@
+"""Functions of users that close over numbers which a transformation traces."""
+
+import functools
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._tools._functions import as_functions
+
+slow = pytest.mark.slow
+MASS, MU, SPEED, END = 2.0, 0.3, 3.0, 0.5
+
+
+def by_closure(force):
+    return lambda x: force * x
+
+
+def by_inner_function(force):
+    def inner(x):
+        return force * x if x is not inner else None
+
+    return lambda x: inner(x)
+
+
+def by_default(force):
+    def function(x, *, scale={"by": force, "unit": "N"}):  # noqa: B006
+        return scale["by"] * x
+
+    return function
+
+
+def by_partial(force):
+    return functools.partial(lambda force, x: force * x, force)
+
+
+WAYS = [by_closure, by_inner_function, by_default, by_partial]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_traced_of_a_function_is_a_leaf_of_it(way):
+    assert not jax.tree.leaves(as_functions(way(2.0)))
+
+    def product(force):
+        function = as_functions(way(force))
+        assert [x is force for x in jax.tree.leaves(function)] == [True]
+        return jax.tree.map(lambda x: 5.0 * x, function)(3.0)
+
+    assert jax.jit(product)(2.0) == 30.0 and jax.grad(product)(2.0) == 15.0
+
+
+@slow
+@pytest.mark.parametrize(("way", "options"), [(by_closure, {"adjoint": diffrax.ForwardMode()}), (by_partial, {})])
+def test_derivatives_of_rough_motions_by_what_loads_close_over(way, options):
+    """JAX refused loops, or had no handler for constants of its own kinds."""
+
+    def moved(force):
+        law, nothing = way(force), jnp.zeros(2)
+
+        def wrench(i, j, t, given):
+            return i.wrench(law(jnp.array([0.0, -1.0])), nothing), j.wrench(nothing, nothing)
+
+        at, rubs = ((0.0, 0.0), (0.0, 0.0), (0.0, 1.0)), rx.Coulomb(MU)
+        joint = rx.Translational("g", "block", "ground", *at, guide_length=0.2, friction=rubs)
+        block = rx.Mechanism([rx.Body("block", MASS, 0.1)], [joint], loads=[rx.LoadFunction("block", wrench)])
+        start = rx.State(jnp.zeros(3), jnp.array([SPEED, 0.0, 0.0]))
+        return rx.simulate(block, start, END, ts=[END], **options).q[0, 0]
+
+    slope = jax.jit(jax.jacfwd(moved))(4.0) if options else jax.grad(moved)(4.0)
+    np.testing.assert_allclose(slope, -MU / MASS * END**2 / 2, rtol=1e-9)
