@@ -17,19 +17,23 @@ from ._value import AbstractModule
 
 
 class Function(AbstractModule):
-    """A function, and what is traced of its parts, `None` elsewhere."""
+    """A function, and what is traced of its parts, at their places among all leaves of these."""
 
     function: Callable[..., PyTree] = eqx.field(static=True)
-    traced: PyTree
+    places: tuple[int, ...] = eqx.field(static=True)
+    traced: tuple[PyTree, ...]
 
     def __call__(self, *arguments: PyTree, **named: PyTree) -> PyTree:
         return self.given()(*arguments, **named)
 
     def given(self) -> Callable[..., PyTree]:
         """The function that the user wrote, of the numbers that are the leaves now."""
-        if not jax.tree.leaves(self.traced):
+        if not self.places:
             return self.function
-        return _made(self.function, jax.tree.map(_now, self.traced, _parts(self.function), is_leaf=_is_end))
+        leaves, structure = jax.tree.flatten(_parts(self.function))
+        for place, now in zip(self.places, self.traced, strict=True):
+            leaves[place] = now
+        return _made(self.function, jax.tree.unflatten(structure, leaves))
 
 
 def as_functions(tree: PyTree) -> PyTree:
@@ -38,15 +42,16 @@ def as_functions(tree: PyTree) -> PyTree:
 
 
 def _function(function: Callable[..., PyTree], within: tuple[Callable[..., PyTree], ...]) -> Function:
-    def traced(part: PyTree) -> PyTree:
+    within = (*within, function)
+    found = {}
+    for place, part in enumerate(jax.tree.leaves(_parts(function))):
         if isinstance(part, jax.core.Tracer):
-            return part
-        if not callable(part) or any(part is other for other in (*within, function)):
-            return None
-        inner = _function(part, (*within, function))
-        return inner if jax.tree.leaves(inner) else None
-
-    return Function(function, jax.tree.map(traced, _parts(function)))
+            found[place] = part
+        elif callable(part) and not any(part is other for other in within):
+            inner = _function(part, within)
+            if inner.places:
+                found[place] = inner
+    return Function(function, tuple(found), tuple(found.values()))
 
 
 def _parts(function: Callable[..., PyTree]) -> PyTree:
@@ -74,11 +79,3 @@ def _made(function: Callable[..., PyTree], parts: PyTree) -> Callable[..., PyTre
     made = types.FunctionType(code, within, function.__name__, defaults, tuple(map(types.CellType, closed)))
     made.__kwdefaults__ = named
     return made
-
-
-def _now(traced: PyTree, part: PyTree) -> PyTree:
-    return part if traced is None else traced
-
-
-def _is_end(x: PyTree) -> bool:
-    return x is None or isinstance(x, Function)

@@ -13,6 +13,16 @@ LAW = {"pin.angle": rx.Harmonic(SIZE, frequency=1.0)}
 START = {"arm.x": LENGTH}
 
 
+class Swing:
+    """An object that hides what its law is of."""
+
+    def __init__(self, size):
+        self.size = size
+
+    def at(self, t):
+        return self.size * jnp.sin(RATE * t)
+
+
 def arm(mass):
     pin = rx.Revolute("pin", "arm", "ground", (-LENGTH, 0.0), (0.0, 0.0))
     return rx.Mechanism([rx.Body("arm", mass, INERTIA)], [pin], gravity=(0.0, -G))
@@ -55,8 +65,16 @@ def test_the_derivative_of_a_peak_is_that_at_its_time():
     slope = jax.jacfwd(lambda mass: run_at(ts, mass).peak["pin.angle"])(jnp.asarray(2.0))
     angle = SIZE * np.sin(RATE * wanted.x)
     assert float(slope) == pytest.approx(-(LENGTH**2) * RATE**2 * angle + G * LENGTH * np.cos(angle), rel=1e-6)
+
+    def given(law):
+        return rx.drive(arm(2.0), {"pin.angle": law}, ts, START)["pin.angle torque"][1]
+
+    slope = jax.jacfwd(lambda size: given(lambda t: size * jnp.sin(RATE * t)))(SIZE)
+    wave = np.sin(RATE * wanted.x)
+    wanted = -wave * ((INERTIA + 2.0 * LENGTH**2) * RATE**2 + 2.0 * G * LENGTH * np.sin(angle))
+    assert float(slope) == pytest.approx(wanted, rel=1e-6)
     with pytest.raises(rx.RedundaxError, match="reads it from outside"):
-        jax.jacfwd(lambda a: rx.drive(arm(2.0), {"pin.angle": lambda t: a * jnp.sin(t)}, ts, START).t)(0.7)
+        jax.jacfwd(lambda size: given(Swing(size).at))(SIZE)
     with pytest.raises(rx.RedundaxError, match="traced"):
         jax.jit(lambda mass: rx.with_peaks(lambda at: run_at(at, mass), ts).peak)(2.0)
 
