@@ -303,7 +303,7 @@ def ball(unit, bend, **options):
     )
 
 
-@pytest.mark.parametrize("bend", [1e-10, 1e-3])
+@pytest.mark.parametrize("bend", [pytest.param(1e-10, marks=pytest.mark.slow), 1e-3])
 def test_nearly_straight_guides_leave_the_floor_where_it_is(bend):
     for unit in (1.0, 1000.0):
         system = ball(unit, bend)

@@ -532,7 +532,7 @@ def test_what_motions_with_contacts_cannot_be_asked():
         rx.simulate(ball(), dropped(), 1.0, restitution={"floor": 0.5})
 
 
-@pytest.mark.parametrize("mu", [0.3, 1.2])
+@pytest.mark.parametrize("mu", [pytest.param(0.3, marks=pytest.mark.slow), 1.2])
 def test_a_rod_that_strikes_says_whether_its_impact_is_the_only_one(mu):
     """By friction mu P a foot pulls itself into the floor if the rod leans: P = P_0 +- mu P n M^-1 t / n M^-1 n."""
     mass, inertia, across, high = 1.0, 0.02, 0.15, 0.3

@@ -51,6 +51,7 @@ def test_laws_hold_whatever_contacts_do(seed, count):
     assert np.all(np.where(lifts, push, 0.0) < 1e-7)
 
 
+@pytest.mark.slow
 def test_feet_that_stick_on_a_slope_have_no_more_friction_than_they_can():
     """The lower carries more; half of the pull each, as the least that holds would be, is more than the upper can."""
     slope, mu, mass = 0.3, 0.4, 2.0

@@ -209,6 +209,7 @@ def test_derivatives_at_sides():
         np.testing.assert_allclose(reverse, forward, rtol=1e-8, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_play_that_is_none_has_the_derivative_of_one_that_grows():
     """Of a rod 30 um too long between two pins, (d - c1 - c2)/(w1 + w2), in both modes; of NaN loads are NaN."""
 

@@ -12,7 +12,7 @@ import redundax as rx
 G, UP, ORIGIN = 9.81, (0.0, 1.0), (0.0, 0.0)
 
 
-@pytest.mark.parametrize("places", [(-0.2, 0.2, 0.1), (-0.15, 0.2)])
+@pytest.mark.parametrize("places", [pytest.param((-0.2, 0.2, 0.1), marks=pytest.mark.slow), (-0.15, 0.2)])
 def test_a_ram_on_a_platform_that_sinks_rebounds_from_stops_that_it_strikes_at_once(places):
     """The platform is open from there on: its scales are not those of the rows that hold in the impact."""
     restitution, drop, force = 0.3, 0.1, 20.0
@@ -60,6 +60,7 @@ def on_arms():
     return rx.Mechanism([rx.Body("high", HIGH, 0.5), rx.Body("low", LOW, 0.8)], joints, gravity=(0.0, -G))
 
 
+@pytest.mark.slow
 def test_redundant_feet_of_a_block_on_arms_carry_as_both_swing():
     mechanism = on_arms()
     start = rx.assemble(mechanism, {"low.x": 0.1, "low.y": -0.2}, rates={"high.x": 0.8})

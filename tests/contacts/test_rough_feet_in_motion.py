@@ -169,16 +169,17 @@ def ramp(push, lift):
     return 0.0, push[0] / size, push[1] / size, lift, push[2] / size, size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("at", "mu", "push", "lift"),
     [
         (CORNERS, 0.4, (18.0, 24.0, 3.0), HEIGHT),
-        pytest.param(CORNERS, 0.4, (3.0, 0.0, 20.0), HEIGHT, marks=pytest.mark.slow),  # nearly a turn
+        (CORNERS, 0.4, (3.0, 0.0, 20.0), HEIGHT),  # nearly a turn
         # About a place 0.03 m from a foot.
-        pytest.param(CORNERS, 0.5, (-11.0, 7.5, -20.0), 0.0, marks=pytest.mark.slow),
-        pytest.param(OBLIQUE, 0.3, (-20.0, -6.0, 4.0), HEIGHT, marks=pytest.mark.slow),
-        pytest.param(TRIPOD, 0.4, (-18.0, -24.0, 3.0), HEIGHT, marks=pytest.mark.slow),
-        pytest.param(TRIPOD, 0.3, (-4.0, 8.0, 10.0), 0.2, marks=pytest.mark.slow),
+        (CORNERS, 0.5, (-11.0, 7.5, -20.0), 0.0),
+        (OBLIQUE, 0.3, (-20.0, -6.0, 4.0), HEIGHT),
+        (TRIPOD, 0.4, (-18.0, -24.0, 3.0), HEIGHT),
+        (TRIPOD, 0.3, (-4.0, 8.0, 10.0), 0.2),
     ],
 )
 def test_feet_of_a_pushed_table_are_let_go_together(at, mu, push, lift):

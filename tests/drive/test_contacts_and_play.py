@@ -90,6 +90,7 @@ def test_a_stop_that_is_passed_between_two_times_ends_the_motion_there():
         np.testing.assert_allclose(driven(2.0, count)["A.angle torque"][:5], 0.6 * rate[:5], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_laws_that_close_over_traced_numbers_are_refused_beside_contacts():
     def run(size):
         return rx.drive(shaken(), {"guide.travel": lambda t: size * t}, np.linspace(0.0, 0.1, 2), {"block.y": 0.2}).t

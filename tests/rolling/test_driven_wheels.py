@@ -84,6 +84,7 @@ def _simpson(values, ts):
     return (ts[2] - ts[0]) / 6 * (values[:-2:2] + 4 * values[1::2] + values[2::2])
 
 
+@pytest.mark.slow
 def test_motors_of_wheels_on_one_straight_way_share_or_contradict_each_other():
     """A bicycle: any split of the torque is right, which the closure decides; and speeds that differ have no motion."""
     bodies = [rx.Body("frame", 5.0, 0.5), rx.Body("front", 1.0, 0.05), rx.Body("rear", 1.0, 0.05)]

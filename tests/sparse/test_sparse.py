@@ -208,7 +208,7 @@ def test_what_cannot_be_answered_is_refused():
         rx.solve(sparse, state, closure=none)
 
 
-@pytest.mark.parametrize("softest", [1e-8, 1.0])
+@pytest.mark.parametrize("softest", [pytest.param(1e-8, marks=pytest.mark.slow), 1.0])
 def test_compliance_that_couples_joints_is_refused_however_soft_another_is(softest):
     mechanism = rx.mechanisms.doubled_four_bar()
     state, sparse = mechanism.state(0.7, rate=2.0), mechanism.sparse()
