@@ -2,7 +2,7 @@
 
     |tau| <= (I - Gamma)^-1 (largest |limit| at the loads without friction),   Gamma_ij = max |d limit_i / d tau_j|
 
-where the spectral radius of Gamma is below 1, as no limit grows by more than Gamma |tau|.
+where the spectral radius of Gamma is well below 1, as no limit grows by more than Gamma |tau|.
 """
 
 from typing import NamedTuple
@@ -22,6 +22,7 @@ from ._programme import Limits, LimitValues
 _NOTHING = np.zeros(0)
 _WIDER = 1 + 1e-9  # of bounds of friction, beyond rounding
 _NONE = 1e-9  # size of friction that says nothing, relative to the largest
+_NEAR_ONE = 0.99  # radius of Gamma from which bounds are so wide that programmes in sizes of them lose two digits
 
 
 class Limited(NamedTuple):
@@ -64,7 +65,8 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     changes = law.largest_changes(np.concatenate([np.eye(len(rows)), unit, slope], axis=1))
     parts = np.cumsum([len(rows), len(limits[0]), len(added)])
     growth, gamma, by_added, change = np.split(changes, parts, axis=1)
-    if isinstance(cases, Affine) and not endless.any() and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
+    known = isinstance(cases, Affine) and not endless.any() and np.all(np.isfinite(gamma))
+    if known and spectral_radius(gamma) < _NEAR_ONE:
         given = limits[1] + change @ np.abs(upper - lower) / 2 + by_added @ added
         friction = np.linalg.solve(np.eye(len(gamma)) - gamma, given) * _WIDER
         return FrictionSizes(_shared(law, np.where(friction > 0, friction, 1.0)), True, growth, added)

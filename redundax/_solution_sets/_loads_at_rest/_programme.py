@@ -79,6 +79,13 @@ class Programme(NamedTuple):
         down, up = (far - np.where(np.isinf(none), 0.0, none) for none, far in zip(none, far, strict=True))
         return down, up
 
+    def with_more(self, count: int) -> "Programme":
+        """The same with more unknowns, at least 0, behind its own."""
+        wider = [(np.pad(left, ((0, 0), (0, count))), right) for left, right in (self.equal, self.within)]
+        return self._replace(
+            equal=wider[0], within=wider[1], box=np.concatenate([self.box, np.tile([0.0, np.inf], (count, 1))])
+        )
+
     def with_limits(self, factor: float) -> "Programme":
         """The same with all limits multiplied."""
         return self._replace(limits=lambda loads: LimitValues(*(factor * part for part in self.limits(loads))))

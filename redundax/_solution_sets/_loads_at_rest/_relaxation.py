@@ -92,17 +92,39 @@ class Relaxation:
         for _ in range(_ROUNDS):
             if not self._leaves(found, radii):
                 break
+            if np.isfinite(found.value) and any(self.planes):
+                inside = self._inside(cost, found.value, rows, radii)
+                if inside.x is not None and not self._leaves(inside, radii):
+                    return inside
             found = self._solve(cost, rows + self._touching(radii))
         return found
 
+    def _inside(self, cost: np.ndarray, value: float, rows: list[Row], radii: list[Row]) -> Optimum:
+        """What is as good and farthest within all balls, up to half of their radii, and then within each.
+
+        Where friction is not unique the first programme ends at a corner of planes, outside of balls, for hundreds of
+        rounds.
+        """
+        n, balls = len(cost), [k for k, planes in enumerate(self.planes) if planes and radii[k].right < np.inf]
+        count, all_rows = len(balls), [*rows, Row(-cost, -value)]
+        for k, margin in zip(balls, np.eye(count), strict=True):
+            half = Row(np.concatenate([radii[k].left / 2, [0.0], margin]), radii[k].right / 2)
+            least = Row(np.concatenate([np.zeros(n), [1.0], -margin]), 0.0)
+            sides = [Row(np.concatenate([row.left, [0.0], margin]), row.right) for row in self._planes_of(k, radii[k])]
+            all_rows += [half, least, *sides]
+        found = self._solve(np.concatenate([np.zeros(n), [float(count)], np.ones(count)]), all_rows)
+        return NOTHING if found.x is None else Optimum(float(cost @ found.x[:n]), found.x[:n])
+
     def _touching(self, radii: list[Row]) -> list[Row]:
         """u . t <= radius for the planes of each ball, the radius being right - left^T x."""
-        (T, t), out = self.programme.bounded, []
-        for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True):
-            if planes and radius.right < np.inf:
-                sides = np.array(planes)
-                out += map(Row, sides @ T[ball] + radius.left, (radius.right - sides @ t[ball]).tolist())
-        return out
+        return [row for k, radius in enumerate(radii) for row in self._planes_of(k, radius)]
+
+    def _planes_of(self, k: int, radius: Row) -> list[Row]:
+        """The same of one ball."""
+        if not self.planes[k] or radius.right == np.inf:
+            return []
+        (T, t), ball, sides = self.programme.bounded, self.programme.balls[k], np.array(self.planes[k])
+        return list(map(Row, sides @ T[ball] + radius.left, (radius.right - sides @ t[ball]).tolist()))
 
     def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float, far: bool) -> bool:
         """Whether x is outside a ball, or a ray far out; a plane keeps it out then."""
@@ -138,13 +160,15 @@ class Relaxation:
         return out
 
     def _solve(self, cost: np.ndarray, rows: list[Row]) -> Optimum:
+        """The largest c^T x; entries of c beyond the unknowns are of more of them, at least 0."""
         from scipy.optimize import linprog  # here, because its import takes a second
 
-        own, rows = self.programme, [*rows, *self.cuts]
+        own, rows = self.programme.with_more(len(cost) - len(self.programme.box)), [*rows, *self.cuts]
         if not len(cost):  # all is unique, and linprog takes no programme without unknowns
             off = [*(-own.within[1]), *(-row.right for row in rows), *np.abs(own.equal[1])]
             return Optimum(0.0, cost) if np.all(np.array(off) <= KEPT) else NOTHING
-        left = np.array([*own.within[0], *(row.left for row in rows)]).reshape(-1, len(cost))
+        lefts = (np.pad(row.left, (0, len(cost) - len(row.left))) for row in rows)
+        left = np.array([*own.within[0], *lefts]).reshape(-1, len(cost))
         right = np.array([*own.within[1], *(row.right for row in rows)])
         size = np.abs(left).max(axis=1, initial=0.0)
         size = np.where(size > 0, size, 1.0)
