@@ -131,7 +131,7 @@ class LimitLoad:
                 else "no outer bound is known"
             )
             tips = f"{', '.join(lifts)} lift{'s' * (len(lifts) == 1)}, about {', '.join(carries) or 'nothing'}"
-            gives = f"{', '.join(slips) or 'what no friction holds'} give way"
+            gives = f"{', '.join(slips) or 'what no friction holds'} give{'s' * (len(slips) < 2)} way"
             bare = f"{', '.join(lifts)} {'has' if len(lifts) == 1 else 'have'} no load left"
             told = [gives] * bool(slips or not lifts) + [bare if slips else tips] * bool(lifts)
             lines.append(f"{side}: {'; '.join(told)} ({proof})")

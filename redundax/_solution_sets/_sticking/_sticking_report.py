@@ -77,7 +77,8 @@ class Sticking:
         if not self.can_hold:
             lines.append("No friction here depends on the sense of slip: it gives way, and holds nothing.")
         if self.solved < 1:
-            lines.append(f"UNDECIDED for {1 - self.solved:.0%} of the cases looked at.")
+            beyond = ", or their loads are beyond the bounds" if self.bounds.startswith("Preload") else ""
+            lines.append(f"UNDECIDED for {1 - self.solved:.0%} of the cases looked at{beyond}.")
         for what, k in (("least", 0), ("largest", 1)):
             if len(self.margin) and not (k and self.margin[0] == self.margin[1]):
                 lines += self._end(what if self.parameters else "", k)

@@ -27,11 +27,8 @@ class AbstractSpan(AbstractJoint):
     point_i: Float[Array, "3"]
     point_j: Float[Array, "3"]
 
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        return (("distance", "linear"),)
-
-    def coordinates(self, i: Pose, j: Pose) -> Array:
+    def between(self, i: Pose, j: Pose) -> Array:
+        """Their distance, shape (1,)."""
         return safe_norm(i.point(self.point_i) - j.point(self.point_j))[None]
 
 
@@ -45,12 +42,19 @@ class Span(AbstractSpan):
         self.name, self.i, self.j = name, i, j
         self.point_i, self.point_j = as_float(on_i), as_float(on_j)
 
+    @property
+    def coordinate_kinds(self) -> tuple[Row, ...]:
+        return (("distance", "linear"),)
+
+    def coordinates(self, i: Pose, j: Pose) -> Array:
+        return self.between(i, j)
+
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.zeros(0)
 
 
 class AbstractDistance(AbstractSpan):
-    """A joint of two points whose distance is given."""
+    """A joint of two points whose distance is given: no coordinate, as its name is that of the row."""
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
     distance: Callable[[Array], Array]
@@ -83,7 +87,7 @@ class AbstractDistance(AbstractSpan):
         check_distance(name, self.distance)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
-        return self.coordinates(i, j) - self.distance(t)
+        return self.between(i, j) - self.distance(t)
 
 
 class Distance(AbstractDistance):
