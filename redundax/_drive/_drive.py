@@ -16,9 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._bodies._joints import AngleDriver, DistanceDriver
+from .._bodies._joints import AngleDriver
+from .._bodies._joints._driver import AbstractDistance
 from .._bodies._law_of_time import Polynomial
 from .._bodies._mechanism import Mechanism
+from .._bodies._space._joints._distance import AbstractDistance as AbstractSpatialDistance
 from .._bodies._space._joints._drivers import AngleDriver as SpatialAngleDriver
 from .._bodies._space._joints._drivers import TravelDriver
 from .._bodies._speed_driver import DrivenSpeed
@@ -308,9 +310,10 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
     if isinstance(base, Mechanism):
         for stack, names in zip(base.joints, base.names.joints, strict=True):
             driver = stack.element
-            if isinstance(driver, AngleDriver | DistanceDriver | SpatialAngleDriver | TravelDriver):
+            distances = AbstractDistance | AbstractSpatialDistance
+            if isinstance(driver, AngleDriver | SpatialAngleDriver | TravelDriver | distances):
                 law = getattr(driver, "distance", None)
-                if isinstance(law, Polynomial) and law.coefficients.shape[-1] == 1:  # a rod of constant length
+                if isinstance(law, Polynomial) and law.coefficients.shape[-1] == 1:  # a rod or cable of constant length
                     continue
                 rows = [labels.index(f"{name}.{driver.row_kinds[0][0]}") for name in names]
                 found += [Drive(name, row, angular[row]) for name, row in zip(names, rows, strict=True)]
