@@ -24,6 +24,7 @@ from .._system._system import AbstractSystem, check_system
 from .._tools._computing import computing
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, names_in, numpy_of, replace_fields
+from .._tools._no_answer import nan_where
 from .._tools._numbers import (
     are_known,
     as_arrays,
@@ -152,7 +153,7 @@ def along(
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
     scale, _ = stop_gradient(scaled(still, stop_gradient(start)))
     track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
-    return Path(driven, scale, times, chosen_of(track.reached, track.q, jnp.full_like(track.q, jnp.nan)))
+    return Path(driven, scale, times, nan_where(~track.reached[:, None], track.q))
 
 
 def started(system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, throw: bool | None) -> State:

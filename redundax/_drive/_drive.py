@@ -34,6 +34,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, numpy_of, replace_fields
+from .._tools._no_answer import nan_where
 from .._tools._numbers import Numeric, are_known, as_arrays, as_program, tolerance_of
 from ._along import Laws, Path, along, decide, in_batches, laws_and_held, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
@@ -362,7 +363,7 @@ def _masked(run: Run, good: Bool[Array, " times"]) -> Run:
     result = jax.vmap(lambda one: RESULTS.where(one, RESULTS.successful, RESULTS.not_finite))(good)
 
     def kept(x: Array) -> Array:
-        return jnp.where(good[:, None], x, jnp.nan)
+        return nan_where(~good[:, None], x)
 
     before = Moment(kept(run.before.multipliers), kept(run.before.friction))
     return replace_fields(

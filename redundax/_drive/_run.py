@@ -18,6 +18,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
 from .._tools._module import is_concrete, on_device
+from .._tools._no_answer import nan_where
 from .._tools._numbers import computed, xp
 from .._tools._table import are_known, figures, group, page, text_of
 from .._tools._value import AbstractModule
@@ -205,7 +206,7 @@ class Run(AbstractNamed):
         """NaN where a time has none, or all of them if the others are to be skipped."""
         missing = xp.isnan(self._sizes)
         none = xp.all(missing, axis=0) if skips else xp.any(missing, axis=0)
-        return self._by_name(xp.where(none, xp.nan, xp.max(xp.where(missing, -1.0, self._sizes), axis=0)))
+        return self._by_name(nan_where(none, xp.max(xp.where(missing, -1.0, self._sizes), axis=0)))
 
     @computed
     def _rms(self, skips: bool) -> dict[str, Array]:

@@ -79,6 +79,23 @@ def test_the_derivative_of_a_peak_is_that_at_its_time():
         jax.jit(lambda mass: rx.with_peaks(lambda at: run_at(at, mass), ts).peak)(2.0)
 
 
+@pytest.mark.slow
+def test_figures_without_an_answer_have_derivatives_of_nan():
+    """They were 0 of a peak and of forces that are NaN, as of an optimum: a rod pulls the arm out of its reach."""
+
+    def figures(mass):
+        rod = rx.DistanceDriver("rod", "arm", "ground", (LENGTH, 0.0), (2.0, 0.0), rx.Polynomial([1.5, 1.7]))
+        pin = rx.Revolute("pin", "arm", "ground", (-LENGTH, 0.0), (0.0, 0.0))
+        raised = rx.Mechanism([rx.Body("arm", mass, INERTIA)], [pin, rod], gravity=(0.0, -G))
+        guess = {"arm.x": 0.4, "arm.y": 0.3, "arm.phi": 0.7}
+        run = rx.drive(raised, {}, np.linspace(0.0, 1.0, 4), guess, throw=False)
+        return jnp.append(run.forces[:, 0], run.peak["rod"])
+
+    value, slope = jax.jit(lambda mass: jax.jvp(figures, (mass,), (1.0,)))(2.0)
+    np.testing.assert_array_equal(np.isnan(value), [False, False, False, True, True])
+    np.testing.assert_array_equal(np.isnan(slope), np.isnan(value))
+
+
 def test_two_times_that_rounding_alone_tells_apart_have_one_answer():
     """Rates at the ends of such an interval say nothing of how they change."""
     ts = np.array([0.0, 0.1, 0.1 + 1e-16, 0.2, np.nextafter(0.2, 1.0), 0.3])
