@@ -33,12 +33,14 @@ class AbstractFrictionModel(AbstractModule):
     models with an internal state are given that velocity, and an internal state of as many components.
 
     `is_proportional` says whether the force is a constant and a multiple of the normal load, at any slip rate: proofs
-    rest on it.
+    rest on it. `bends` says whether the force under a given load, or the rate of the internal state, may bend as the
+    slip rate changes: derivatives of motions look for it.
     """
 
     depends_on_load: eqx.AbstractClassVar[bool]
     has_sense: eqx.AbstractClassVar[bool]
     is_proportional: ClassVar[bool] = False
+    bends: ClassVar[bool] = True
 
     @abc.abstractmethod
     def force(
@@ -82,6 +84,11 @@ class _AbstractOfModel(AbstractFrictionModel):
     def is_proportional(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         """As the model."""
         return self.model.is_proportional
+
+    @property
+    def bends(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the model."""
+        return self.model.bends
 
     def memory_size(self) -> PyTree:
         return self.model.memory_size()
@@ -142,6 +149,7 @@ class Coulomb(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
+    bends: ClassVar[bool] = False
     mu: Float[Array, ""] = eqx.field(converter=figure("mu"))
     preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
@@ -180,6 +188,7 @@ class RegularisedCoulomb(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
     is_proportional: ClassVar[bool] = True
+    bends: ClassVar[bool] = False
     mu: Float[Array, ""] = eqx.field(converter=figure("mu"))
     velocity: Float[Array, ""] = eqx.field(converter=figure("velocity"))
     preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
@@ -218,6 +227,7 @@ class Stribeck(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
+    bends: ClassVar[bool] = False
     static: Float[Array, ""] = eqx.field(converter=figure("static"))
     kinetic: Float[Array, ""] = eqx.field(converter=figure("kinetic"))
     velocity: Float[Array, ""] = eqx.field(converter=figure("velocity"))
@@ -255,6 +265,7 @@ class ConstantFriction(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = False
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
+    bends: ClassVar[bool] = False
     size: Float[Array, ""] = eqx.field(converter=figure("size"))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:

@@ -44,6 +44,11 @@ class JointFriction(AbstractFriction):
         return self.model.has_sense
 
     @property
+    def may_bend(self) -> bool:
+        """As the model, and where a slider comes out of its guide."""
+        return self.model.bends or self.joints.element.reads_pose
+
+    @property
     def has_direction(self) -> bool:
         """As the joints have."""
         return self.joints.element.has_direction

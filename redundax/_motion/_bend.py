@@ -6,7 +6,9 @@ its two tangents, which meet on it. Steps come near to that, one after the other
 one crosses it, as stages at its ends count, too. A tiny one also tells loads where they are not known: as a motion
 begins, past events, and past instants at which loads jump.
 
-Applied loads that users write bend, too, as k max(x, 0) of a bumper: on the dense output of the step.
+Applied loads that users write bend, too, as k max(x, 0) of a bumper, and under given loads some friction: that of
+bristles where a slip turns round, of a slider that comes out of its guide, and of models of users. On the dense output
+of the step they are looked for entry by entry: large ones that are smooth hide no small one that bends.
 
 Loads of joints bend where joints with play come to a side of it or leave one. Then false position on the dense output
 of the step tells when, or for friction when
@@ -53,12 +55,15 @@ class _Bracket(NamedTuple):
 
 
 class _Halved(NamedTuple):
-    """Times, and the slopes of a load there."""
+    """Times, and the slopes of a function there; what they change by in both halves of the whole, infinite until that
+    is known; and for which entries much of it is in between."""
 
     low: Array
     high: Array
     first: Array
     last: Array
+    change: Array
+    much: Array
 
 
 class Bent(NamedTuple):
@@ -108,36 +113,38 @@ def bend_of_friction(
     return Bent(jnp.where(found, t, jnp.inf), jnp.zeros_like(last).at[rows].add(through), several)
 
 
-def bend_of_load(
-    load: Callable[[Array], Float[Array, " n"]], begin: Array, end: Array, near: Array
+def bend_in_time(
+    function: Callable[[Array], Float[Array, " n"]], begin: Array, end: Array, near: Array
 ) -> Float[Array, ""]:
-    """When a load, free of units, bends as a function of time, infinite where it does not: halves in which its slope
-    changes by more are looked at as long as that is much of what it changes by in all."""
-
-    norm = jnp.linalg.norm
+    """When an entry of a function of time bends, infinite where none does: halves in which its slope changes by more
+    are looked at as long as that is much of what it changes by in all, that entry first of which more is in one half.
+    """
 
     def slope(t: Array) -> tuple[Array, Array]:
-        return jax.jvp(load, (t,), (jnp.ones_like(t),))
+        return jax.jvp(function, (t,), (jnp.ones_like(t),))
 
     def halved(now: _Halved) -> _Halved:
         t = (now.low + now.high) / 2
         there = slope(t)[1]
-        left = norm(there - now.first) >= norm(now.last - there)
-        low, high = jnp.where(left, now.low, t), jnp.where(left, t, now.high)
-        return _Halved(low, high, jnp.where(left, now.first, there), jnp.where(left, there, now.last))
+        left, right = jnp.abs(there - now.first), jnp.abs(now.last - there)
+        change = jnp.where(jnp.isinf(now.change), left + right, now.change)
+        much = now.much & (change > least)
+        entry = jnp.argmax(jnp.where(much, jnp.maximum(left, right) / jnp.where(much, change, 1.0), -1.0))
+        earlier = left[entry] >= right[entry]
+        low, high = jnp.where(earlier, now.low, t), jnp.where(earlier, t, now.high)
+        first, last = jnp.where(earlier, now.first, there), jnp.where(earlier, there, now.last)
+        return _Halved(low, high, first, last, change, much & (jnp.abs(last - first) > _MUCH * change))
 
     def going(now: _Halved) -> Array:
-        return bends & (now.high - now.low > near / 4) & is_much(now)
+        return jnp.any(now.much) & (now.high - now.low > near / 4)
 
-    def is_much(now: _Halved) -> Array:
-        return norm(now.last - now.first) > _MUCH * change
-
+    norm = jnp.linalg.norm
     (one, first), (two, last) = slope(begin), slope(end)
-    change = norm(last - first)
-    least = _LEAST * (norm(first) + norm(last)) + _TOLD * (norm(one) + norm(two)) / (end - begin)
-    bends = change > least
-    found = jax.lax.while_loop(going, halved, _Halved(begin, end, first, last))
-    return jnp.where(bends & is_much(found), (found.low + found.high) / 2, jnp.inf)
+    told = _TOLD * (norm(first) + norm(last) + (norm(one) + norm(two)) / (end - begin))
+    least = _LEAST * (jnp.abs(first) + jnp.abs(last)) + told
+    start = _Halved(begin, end, first, last, jnp.full_like(first, jnp.inf), first == first)
+    found = jax.lax.while_loop(going, halved, start)
+    return jnp.where(jnp.any(found.much), (found.low + found.high) / 2, jnp.inf)
 
 
 def ahead(

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from .._closures._closure import AbstractClosure, Elasticity, elasticity, without_rows
 from .._closures._play import Play
 from .._equations._factorisation import Factorisation, factorised
-from .._equations._kinematics import chart_rate, displacement, prescribed_rate
+from .._equations._kinematics import chart_rate, displacement, prescribed_rate, slip_rate
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
 from .._solve._contacts import with_rows
@@ -239,7 +239,33 @@ class Equations(AbstractModule):
     @property
     def bends(self) -> bool:
         """Whether friction or applied loads may bend."""
-        return self.loaded or self.system.may_bend
+        return self.loaded or self.system.may_bend or self._rubs_bend
+
+    @property
+    def _rubs_bend(self) -> bool:
+        return any(group.may_bend for group in self.system.friction)
+
+    def bending(self, solved: "Solved | None", along: Float[Array, " p"] | None) -> list[Callable[[State], Array]]:
+        """What may bend at given loads, as functions of the state: applied loads, free of units, and friction, given
+        the equations solved at one and the directions in which surfaces slide."""
+        found: list[Callable[[State], Array]] = []
+        if self.system.may_bend:
+            found.append(lambda state: self.scaling.coordinates * self.system.load(state))
+        if self._rubs_bend:
+            found.append(partial(self._rubbing, cast(Solved, solved).multipliers, along))
+        return found
+
+    def _rubbing(self, multipliers: Array, along: Float[Array, " p"] | None, state: State) -> Float[Array, "..."]:
+        """Friction forces of slips that move, under given loads, and the rates of internal states relative to their
+        sizes. Of surfaces that turn as they slide these alone: their friction turns fast before a stop."""
+        groups, rate = self.system.friction, slip_rate(self.system, state)
+        rate, sense = jnp.where(self.is_none(rate), 0.0, rate), self.sense
+        sense = sense if along is None else jnp.where(self.directed, along, sense)
+        tau = Law.of(self.system, rate, sense, state).force(multipliers[load_rows(groups)]) / self.slip_size
+        may = np.array([group.may_bend for group in groups for _ in group.slips.kinds])
+        rates, sizes = memory_rates(groups, rate, state), [group.memory_size() for group in groups]
+        memory = jax.tree.map(lambda x, size: (x / size).ravel(), list(rates), sizes)
+        return jnp.concatenate([jnp.where(may & ~self.directed & ~self.sticking, tau, 0.0), *jax.tree.leaves(memory)])
 
     def linear(
         self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True

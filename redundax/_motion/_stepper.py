@@ -29,7 +29,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import chosen_of, stop_gradient, tolerance_of, xp
-from ._bend import Bent, ahead, before_opening, bend_of_friction, bend_of_load, nearness
+from ._bend import Bent, ahead, before_opening, bend_in_time, bend_of_friction, nearness
 from ._controller import Verdict, size_of
 from ._crossing import Bend, Ends, crossed
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
@@ -371,7 +371,7 @@ def _bend(
     (start, stop, state), solved, no = step, found.solved, jnp.zeros((), bool)
     system, loaded = equations.system, equations.loaded and found.solved is not None
     never = jnp.full_like(stop, jnp.inf), no, Bend(no, jnp.zeros_like(now.loads[1]), no)
-    if not (loaded or system.may_bend):
+    if not equations.bends:
         return never
     rate = found.rate if isinstance(found, Seen) else None
 
@@ -391,9 +391,9 @@ def _bend(
             known, ends = told == start, ((start, loads), (stop, cast(Solved, solved).multipliers))
             bent = bend_of_friction(law, rows, equations.play, multipliers, *ends, equations.sticking, near)
             bent = bent._replace(time=jnp.where(known, bent.time, jnp.inf))
-        if system.may_bend:
-            load = bend_of_load(lambda t: equations.scaling.coordinates * system.load(there(t)), start, stop, near)
-            bent = bent._replace(time=jnp.minimum(bent.time, load), several=bent.several | (load <= bent.time))
+        for function in equations.bending(found.solved, now.along):
+            other = bend_in_time(lambda t, of=function: of(there(t)), start, stop, near)
+            bent = bent._replace(time=jnp.minimum(bent.time, other), several=bent.several | (other <= bent.time))
         aim, crosses = ahead(bent.time, known, start, stop, near)
         if loaded and hit is not None:
             opens = jnp.any(hit.which & equations.touching.kept[np.array(system.names.one_sided)]) & ~begin.lands

@@ -67,6 +67,11 @@ class AbstractFriction(AbstractModel):
         """Whether the size of each friction is a constant and a seminorm of its loads: outer bounds rest on it."""
         return False
 
+    @property
+    def may_bend(self) -> bool:
+        """Whether its force under given loads, or the rate of its internal state, may bend as the state changes."""
+        return True
+
     @abc.abstractmethod
     def slip(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " p"]:
         """Slip coordinates: the relative displacement that each friction force opposes."""

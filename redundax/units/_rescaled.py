@@ -185,6 +185,11 @@ class _RescaledFriction(AbstractFriction):
         return self.inner.has_sense
 
     @property
+    def may_bend(self) -> bool:
+        """As the friction of the inner system."""
+        return self.inner.may_bend
+
+    @property
     def has_direction(self) -> bool:
         """As the friction of the inner system."""
         return self.inner.has_direction

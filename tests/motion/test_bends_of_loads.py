@@ -105,3 +105,65 @@ def test_no_stage_of_a_step_before_a_bend_is_past_it(rtol):
 
     slope = jax.jvp(moved, (0.3,), (1.0,))[1]
     assert abs(slope - (truth(0.3 + 1e-3) - truth(0.3 - 1e-3)) / 2e-3) < 2e-6
+
+
+@slow
+def test_a_large_smooth_load_hides_no_bumper():
+    """Off by 0.04: bends were looked for in the size of all loads."""
+
+    def flung(p):
+        def load(q, qd, t, p):
+            return jnp.stack([-p[0] * jnp.maximum(q[0] - p[1], 0.0), 1e5 * jnp.cos(6.0 * t), 0.0 * t])
+
+        system = rx.System(
+            lambda q, t, p: q[2:], jnp.array([2.0, 50.0, 1.0]), load, parameters=p, rows="force", m=1, length=1.0
+        )
+        start = rx.State(jnp.zeros(3), jnp.array([1.0, 0.0, 0.0]))
+        return rx.simulate(system, start, 1.0, ts=[1.0], adjoint=diffrax.ForwardMode()).q[0, 0]
+
+    def truth(p):
+        pressed = jnp.pi * jnp.sqrt(2.0 / p[0])
+        return 2 * p[1] + pressed - 1.0
+
+    at = jnp.array([100.0, 0.4])
+    np.testing.assert_allclose(jax.jacfwd(flung)(at), jax.grad(truth)(at), rtol=1e-6)
+
+
+def roughening(p):
+    """How far a block slides over a floor that is the rougher the further, from a place on."""
+
+    def force(loads, rate, sense, memory, state, p):
+        return -p[0] * (1.0 + 3.0 * jnp.maximum(state.q[:1] - p[1], 0.0)) * jnp.abs(loads[:1]) * sense
+
+    rubs = rx.Friction(lambda q, t, p: q[:1], force, [0], ["linear"], p)
+    load = lambda q, qd, t, p: jnp.stack([0.0, -20.0])  # noqa: E731
+    block = rx.System(lambda q, t, p: q[1:], 2.0 * jnp.ones(2), load, friction=rubs)
+    start = rx.State(jnp.zeros(2), jnp.array([2.0, 0.0]))
+    return rx.simulate(block, start, 0.4, ts=[0.4], rtol=1e-5, adjoint=diffrax.ForwardMode()).q[0, 0]
+
+
+@slow
+def test_derivatives_pass_friction_that_bends_with_the_place():
+    """As that of a slider does that comes out of its guide. It slows down by g mu (1 + 3 (x - a)_+)."""
+
+    def truth(p):
+        slows, turn = 10.0 * p[0], jnp.sqrt(30.0 * p[0])
+        rate = jnp.sqrt(4.0 - 2 * slows * p[1])
+        t = 0.4 - (2.0 - rate) / slows
+        return p[1] - 1 / 3 + jnp.cos(turn * t) / 3 + rate / turn * jnp.sin(turn * t)
+
+    at = jnp.array([0.2, 0.3])
+    np.testing.assert_allclose(roughening(at), truth(at), rtol=1e-5)
+    np.testing.assert_allclose(jax.jacfwd(roughening)(at), jax.grad(truth)(at), rtol=1e-5)
+
+
+def test_which_friction_of_joints_may_bend():
+    def group(length, model):
+        ram = rx.spatial.Body("ram", 1.0, inertia=(1.0, 1.0, 1.0))
+        rubs = {"guide_length": length, "twist_radius": 0.1, "friction": model}
+        guide = rx.spatial.Prismatic("guide", ram, "ground", (0, 0, 0), (1, 0, 0), **rubs)
+        return rx.Mechanism([ram], [guide]).friction[0]
+
+    comes_out = rx.spatial.Overlap(slider=(-0.2, 0.2), guide=(-0.2, 0.3))
+    assert group(comes_out, rx.Coulomb(0.1)).may_bend and group(0.4, rx.Dahl(0.1, stiffness=1e3)).may_bend
+    assert not group(0.4, rx.Coulomb(0.1)).may_bend and not group(0.4, rx.Stribeck(0.2, 0.1, 1e-3)).may_bend
