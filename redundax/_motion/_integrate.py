@@ -30,7 +30,7 @@ from .._system._system import AbstractSystem
 from .._tools._derivatives import once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
-from .._tools._no_answer import cut_where, is_differentiated, nan_where, spoiled_where
+from .._tools._no_answer import cut_where, is_differentiated, nan_where, spoiled_where, without_derivatives
 from .._tools._numbers import (
     LARGE,
     are_numbers,
@@ -462,16 +462,15 @@ def _ended(done: PhaseState, found: Array, rank: Array) -> RESULTS:
 def _stats(done: PhaseState, usual: Array) -> TrajectoryStats:
     watch, most = done.watch, done.watch.kinetic
     most = xp.where(most > tolerance_of(STILL, most) ** 2 * usual, most, usual)  # what stands has none but of rounding
-    return TrajectoryStats(
-        steps=done.steps,
-        rejected=done.rejected,
-        phases=done.phases,
-        end=xp.where(done.mode.resting, done.since, done.t),
-        position_violation=watch.position,
-        velocity_violation=watch.velocity / xp.where(watch.speed > 0, watch.speed, 1.0),
-        kinetic_energy=watch.kinetic,
-        energy_error=watch.energy / xp.where(most > 0, most, 1.0),
-        nearest_singularity=watch.nearest,
-        contraction=watch.contraction,
-        jump=watch.jump,
-    )
+    watched = {
+        "position_violation": watch.position,
+        "velocity_violation": watch.velocity / xp.where(watch.speed > 0, watch.speed, 1.0),
+        "kinetic_energy": watch.kinetic,
+        "energy_error": watch.energy / xp.where(most > 0, most, 1.0),
+        "nearest_singularity": watch.nearest,
+        "contraction": watch.contraction,
+        "jump": watch.jump,
+    }
+    counts = {"steps": done.steps, "rejected": done.rejected, "phases": done.phases}
+    end = xp.where(done.mode.resting, done.since, done.t)
+    return TrajectoryStats(**counts, end=end, **without_derivatives(watched, done.y))

@@ -19,7 +19,8 @@ from .._tools._value import AbstractModule
 
 
 class TrajectoryStats(AbstractFigures, AbstractModule):
-    """The evidence beside a motion, over all its accepted steps.
+    """The evidence beside a motion, over all its accepted steps. Of figures that are no counts only `end` has
+    derivatives: those of the others are NaN.
 
     - `steps`, `rejected`: steps of motion accepted and rejected.
     - `phases`: phases of motion between events at which joints came to a stop or were let go; 1 without them.

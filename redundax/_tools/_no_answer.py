@@ -77,6 +77,25 @@ def _first_alone_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     return _first_alone(*primals), without_derivative(primals[0], tangents[1])
 
 
+def without_derivatives(figures: T, given: PyTree) -> T:
+    """The same figures, which are found without derivatives: these are NaN, where those of what is given are taken."""
+    if are_numbers(figures, given):
+        return figures
+    some = sum(jnp.sum(x) for x in jax.tree.leaves(given) if eqx.is_inexact_array(x))
+    return jax.tree.map(lambda x: _of(x, jnp.asarray(some)), figures)
+
+
+@jax.custom_jvp
+def _of(x: Array, given: Array) -> Array:
+    return x
+
+
+@_of.defjvp
+def _of_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    x, moved = primals[0], tangents[1]
+    return _of(*primals), nan_derivative_where(jnp.ones((), bool), jnp.broadcast_to(moved, x.shape).astype(x.dtype))
+
+
 def nan_derivative_where(lost: Bool[Array, "..."], tangent: Array) -> Array:
     """A tangent, NaN where it is lost; transposed, a cotangent of 0 stays 0 there and any other becomes NaN."""
     return jax.lax.custom_linear_solve(

@@ -4,13 +4,14 @@ Of each call a batch of samples, some of which have no answer. Its vector-Jacobi
 a user may write: with cotangents of 1 the sum of all, and with 0 where the result is a failure the masked one.
 """
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import redundax as rx
-from redundax._tools._no_answer import nan_where, spoiled_where
+from redundax._tools._no_answer import nan_where, spoiled_where, without_derivatives
 from tests.project.test_success import at, block
 
 R = rx.RESULTS
@@ -46,6 +47,34 @@ def test_a_lost_entry_has_a_derivative_of_nan_unless_its_cotangent_is_zero(lose)
     assert_law(lambda scale: values(scale, ~good, x), 1.0, good, x[good])
     change = jax.jacfwd(jax.grad(lambda scale: jnp.sum(values(scale, ~good, x) ** 2)))(1.0)
     assert np.isnan(change)  # of what is not linear the second derivative too
+
+
+def test_figures_that_are_found_without_derivatives_have_none_of_zero():
+    """As the evidence beside a motion, `nearest_singularity` say: 0 looks like an optimum."""
+
+    def both(x):
+        return x**2, without_derivatives({"largest": jax.lax.stop_gradient(x)}, [x, jnp.zeros(2, int)])["largest"]
+
+    value, slope = jax.jit(lambda x: jax.jvp(both, (x,), (1.0,)))(3.0)
+    np.testing.assert_array_equal(value, [9.0, 3.0])
+    np.testing.assert_array_equal(slope, [6.0, np.nan])
+    at = jnp.array(3.0)
+    assert jax.grad(lambda x: both(x)[0])(at) == 6.0 and np.isnan(jax.grad(lambda x: both(x)[1])(at))
+
+
+@pytest.mark.slow
+def test_evidence_beside_a_motion_has_no_derivatives_of_zero():
+    def fallen(gravity):
+        ball = rx.System(
+            lambda q, t, p: q[:1], [2.0, 2.0], lambda q, qd, t, p: jnp.stack([p, -2.0 * p]), parameters=gravity
+        )
+        start = rx.State(jnp.zeros(2), jnp.zeros(2))
+        run = rx.simulate(ball, start, 1.0, ts=[1.0], adjoint=diffrax.ForwardMode())
+        return run.q[0, 1], run.stats
+
+    slope, stats = jax.jvp(fallen, (9.81,), (1.0,))[1]
+    np.testing.assert_allclose(slope, -0.5, rtol=1e-8)
+    assert np.isnan(stats.kinetic_energy) and np.isnan(stats.nearest_singularity) and np.isnan(stats.contraction)
 
 
 def test_of_a_peak_forward_mode_tells_what_reverse_mode_of_jax_does_not():
