@@ -83,9 +83,11 @@ def assemble(
 
     **Returns:** a `State`. Where no position is found it is NaN, and where no velocity is found that is; `state.result`
     says which, sample by sample under `jit` and `vmap`. Derivatives are NaN there too, unless a sample is masked by its
-    result, as of `solve`. Redundant constraints on points of few digits cannot be met exactly: the state then meets
-    them as nearly as they allow, by least squares and as far as `solve` takes it, and outside of `jit` and `vmap` a
-    warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
+    result, as of `solve`. Freedoms that `positions` leave to the guess have derivatives of the smallest displacement
+    that keeps the state closed, as if it had been the guess: give a position for each of them where that matters.
+    Redundant constraints on points of few digits cannot be met exactly: the state then meets them as nearly as they
+    allow, by least squares and as far as `solve` takes it, and outside of `jit` and `vmap` a warning tells the largest
+    misfit, which is that of `solve`'s `stats.violation`.
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """

@@ -23,7 +23,8 @@ from .._tools._value import value
 
 @value
 class Stats(AbstractFigures):
-    """The evidence beside the numbers; it is there whatever the result.
+    """The evidence beside the numbers; it is there whatever the result. Figures other than `contraction` are found
+    without derivatives: these are 0, and say nothing of how `spectrum` and `lost_digits` change.
 
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
     - `spectrum`: the rank decision with singular values, tolerance and gap.
