@@ -7,7 +7,7 @@ same counts of each kind.
 import dataclasses
 import functools
 from collections.abc import Callable, Hashable, Sequence
-from typing import ClassVar, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -28,8 +28,12 @@ from ._frame import AbstractFrame
 class AbstractBetweenBodies(AbstractModule):
     """Something that acts between the bodies i and j, given by name."""
 
-    i: eqx.AbstractVar[str]
-    j: eqx.AbstractVar[str]
+    if TYPE_CHECKING:  # for checkers of types, to whom the words of Equinox would make the first arguments of them
+        i: ClassVar[str]
+        j: ClassVar[str]
+    else:
+        i: eqx.AbstractVar[str]
+        j: eqx.AbstractVar[str]
     frame: ClassVar[AbstractFrame]
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j")  # fields that have two components in the plane
     read_by_law: ClassVar[tuple[str, ...]] = ()  # fields of friction alone, of which NaN gives results that say so

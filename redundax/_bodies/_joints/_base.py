@@ -53,15 +53,16 @@ class AbstractJoint(Generic[P], AbstractBetweenBodies):
 
     if TYPE_CHECKING:  # for checkers of types, to whom the word of Equinox would make an argument of it
         row_kinds: ClassVar[tuple[Row, ...]]
+        name: ClassVar[str]
     else:
         row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+        name: eqx.AbstractVar[str]
     frame: ClassVar[AbstractFrame] = PLANE
     coordinate_kinds: ClassVar[tuple[Row, ...]] = ()  # names of coordinates of i relative to j: "linear" or "angular"
     pushing: ClassVar[tuple[str, ...]] = ()
     velocity_rows: ClassVar[tuple[str, ...]] = ()
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     free_axes: ClassVar[Literal["none", "across", "all"]] = "none"  # turns of its axes that change no constraint
-    name: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:
         if is_of_user(type(self)):

@@ -21,7 +21,7 @@ the standard centre distance, and two rows, minus these, that push alone.
 """
 
 import abc
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax
@@ -68,12 +68,20 @@ class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
 
     slip_kind: ClassVar[str] = "angular"
     read_by_law: ClassVar[tuple[str, ...]] = ("friction", "sliding_arm")
-    teeth: eqx.AbstractVar[Int[Array, "..."]]
-    module: eqx.AbstractVar[Float[Array, ""]]
-    pressure_angle: eqx.AbstractVar[Float[Array, ""]]
-    flank: eqx.AbstractVar[Int[Array, ""]]
-    sliding_arm: eqx.AbstractVar[Float[Array, ""] | None]
-    backlash: eqx.AbstractVar[Float[Array, ""] | None]
+    if TYPE_CHECKING:  # as in `AbstractBetweenBodies`
+        teeth: ClassVar[Int[Array, "..."]]
+        module: ClassVar[Float[Array, ""]]
+        pressure_angle: ClassVar[Float[Array, ""]]
+        flank: ClassVar[Int[Array, ""]]
+        sliding_arm: ClassVar[Float[Array, ""] | None]
+        backlash: ClassVar[Float[Array, ""] | None]
+    else:
+        teeth: eqx.AbstractVar[Int[Array, "..."]]
+        module: eqx.AbstractVar[Float[Array, ""]]
+        pressure_angle: eqx.AbstractVar[Float[Array, ""]]
+        flank: eqx.AbstractVar[Int[Array, ""]]
+        sliding_arm: eqx.AbstractVar[Float[Array, ""] | None]
+        backlash: eqx.AbstractVar[Float[Array, ""] | None]
 
     @property
     def row_kinds(self) -> tuple[Row, ...]:

@@ -6,7 +6,7 @@ The joint says how: a hinge has one moment, a sleeve one force along its slip, a
 """
 
 import abc
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,7 +24,10 @@ class AbstractRubbingJoint(AbstractJoint[P]):
     `slip_kinds` are names and kinds, "linear" or "angular", of its slips; the name of a single one is "".
     """
 
-    friction: eqx.AbstractVar[AbstractFrictionModel | None]
+    if TYPE_CHECKING:  # as in `AbstractBetweenBodies`
+        friction: ClassVar[AbstractFrictionModel | None]
+    else:
+        friction: eqx.AbstractVar[AbstractFrictionModel | None]
     slip_kinds: ClassVar[tuple[Row, ...]] = ()
     has_direction: ClassVar[bool] = False  # whether its slips share one friction, along their direction
     read_by_law: ClassVar[tuple[str, ...]] = ("friction",)

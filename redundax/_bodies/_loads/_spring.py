@@ -19,11 +19,13 @@ from ._base import AbstractLoad
 class AbstractSpringDamper(AbstractLoad):
     """A spring with damper between two points, in the plane or in space."""
 
-    point_i: eqx.AbstractVar[Array]
-    point_j: eqx.AbstractVar[Array]
-    stiffness: eqx.AbstractVar[Float[Array, ""]]
-    free_length: eqx.AbstractVar[Float[Array, ""]]
-    damping: eqx.AbstractVar[Float[Array, ""]]
+    i: str = eqx.field(static=True, converter=name_of)
+    j: str = eqx.field(static=True, converter=name_of)
+    point_i: Float[Array, " axes"] = eqx.field(converter=figure("point_i"))
+    point_j: Float[Array, " axes"] = eqx.field(converter=figure("point_j"))
+    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
+    free_length: Float[Array, ""] = eqx.field(converter=figure("free_length"), default=0.0)
+    damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("stiffness", "free_length", "damping"):
@@ -57,14 +59,6 @@ class SpringDamper(AbstractSpringDamper):
     - `free_length`: l0, m.
     - `damping`: d, N s/m.
     """
-
-    i: str = eqx.field(static=True, converter=name_of)
-    j: str = eqx.field(static=True, converter=name_of)
-    point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
-    point_j: Float[Array, "2"] = eqx.field(converter=figure("point_j"))
-    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
-    free_length: Float[Array, ""] = eqx.field(converter=figure("free_length"), default=0.0)
-    damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
 
 
 class TorsionSpring(AbstractLoad[Motion, Wrench]):

@@ -10,7 +10,6 @@ with the arms a that make velocities of the surfaces of their rates: a length fo
 from collections.abc import Sequence
 from typing import Any, ClassVar, TypeAlias, cast
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
@@ -39,7 +38,8 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint[Pose]):
     """A joint whose loads press its `surfaces` together, so that it can have friction."""
 
     surfaces: ClassVar[Surfaces] = Surfaces()
-    contact: eqx.AbstractVar[AbstractContact]
+    friction: AbstractFrictionModel | None
+    contact: AbstractContact
 
     @property
     def law(self) -> AbstractFrictionModel | None:

@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from ..._body import name_of
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
-from .._contact import AbstractContact
 from .._overlap import Overlap
 from .._placement import Placement, at_reference
 from .._pose import Pose
@@ -65,8 +64,6 @@ class Revolute(AbstractFrictionalJoint):
     pin_radius: Float[Array, ""] | None
     bearing_length: Float[Array, ""] | None
     thrust_share: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[PinRubs]
@@ -103,8 +100,6 @@ class Prismatic(AbstractFrictionalJoint):
     surfaces: ClassVar[Surfaces] = GUIDE
     guide_length: Float[Array, ""] | Overlap | None
     twist_radius: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[GuideRubs]
@@ -143,8 +138,6 @@ class Cylindrical(AbstractSlidingJoint):
     surfaces: ClassVar[Surfaces] = SLEEVE
     bearing_length: Float[Array, ""] | Overlap | None
     shaft_radius: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[SleeveRubs]
@@ -178,8 +171,6 @@ class Spherical(AbstractSlidingJoint):
     has_spin: ClassVar[bool] = True
     surfaces: ClassVar[Surfaces] = BALL
     ball_radius: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[BallRubs]
@@ -218,8 +209,6 @@ class Planar(AbstractSlidingJoint):
     surfaces: ClassVar[Surfaces] = PLATE
     plate_length: Float[Array, ""] | None
     spin_radius: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[PlateRubs]
@@ -284,8 +273,6 @@ class PointOnPlane(AbstractSlidingJoint):
     coordinate_kinds: ClassVar[tuple[Row, ...]] = TRAVELS
     slip_kinds: ClassVar[tuple[Row, ...]] = TRAVELS
     surfaces: ClassVar[Surfaces] = POINT
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def __init__(

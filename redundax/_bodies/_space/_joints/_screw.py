@@ -14,9 +14,8 @@ from jaxtyping import Array, Float
 
 from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, is_concrete, one_number
-from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
-from .._contact import AbstractContact, ContactSize
+from .._contact import ContactSize
 from .._placement import at_reference
 from .._pose import Pose
 from ._components import ANGLE, AXIAL, BEND, RADIAL, TRAVEL
@@ -61,8 +60,6 @@ class Screw(AbstractFrictionalJoint):
     thread_radius: Float[Array, ""] | None
     flank_angle: Float[Array, ""]
     bearing_length: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self,

@@ -16,7 +16,7 @@ from ...._tools._module import Numbers, is_concrete
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from ..._joints._components import picked
-from .._contact import AbstractContact, ContactLoad
+from .._contact import ContactLoad
 from .._placement import at_reference
 from .._pose import Pose
 from .._rotation import axes_along
@@ -65,8 +65,6 @@ class Universal(AbstractContactJoint):
     pin_radius: Float[Array, ""] | None
     bearing_length: Float[Array, ""] | None
     thrust_share: Float[Array, ""] | None
-    friction: AbstractFrictionModel | None
-    contact: AbstractContact
 
     def __init__(
         self, name: str, i: End, j: End, point: At = None, axis_i: At = None, axis_j: At = None, **rubs: Unpack[PinRubs]

@@ -46,14 +46,6 @@ class SpringDamper(AbstractSpringDamper, AbstractLoad):
     - `on_i`, `on_j`: in place of the points those in the local frames, m.
     """
 
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "3"]
-    point_j: Float[Array, "3"]
-    stiffness: Float[Array, ""]
-    free_length: Float[Array, ""]
-    damping: Float[Array, ""]
-
     def __init__(
         self,
         i: Body | str,
@@ -69,8 +61,7 @@ class SpringDamper(AbstractSpringDamper, AbstractLoad):
     ):
         place = between_points("SpringDamper", i, j, (point_i, point_j, on_i, on_j), "load")
         self.i, self.j, self.point_i, self.point_j = place.i, place.j, place.on_i.point, place.on_j.point
-        self.stiffness, self.damping = as_float(stiffness, "stiffness"), as_float(damping, "damping")
-        self.free_length = as_float(free_length, "free_length")
+        self.stiffness, self.damping, self.free_length = stiffness, damping, free_length
 
 
 class TorsionSpring(AbstractLoad):
