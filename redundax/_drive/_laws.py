@@ -13,6 +13,7 @@ import abc
 import itertools
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,8 +23,21 @@ from jaxtyping import Array, Float
 
 from .._system._law import AbstractLaw
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, figure, finite, is_concrete, not_negative, on_device, positive
+from .._tools._module import (
+    Numbers,
+    as_float,
+    figure,
+    finite,
+    is_concrete,
+    not_negative,
+    on_device,
+    optional_float,
+    positive,
+)
 from .._tools._words import short
+
+# Coefficients of s^5, s^4 and s^3 of the polynomial with these values, rates and accelerations at 1, and none at 0.
+_ABOVE = (6.0, -3.0, 0.5), (-15.0, 7.0, -1.0), (10.0, -4.0, 0.5)
 
 
 class AbstractMove(AbstractLaw):
@@ -259,7 +273,8 @@ class Harmonic(AbstractLaw):
 
 
 class Sampled(AbstractLaw):
-    """A law through samples: the cubic spline of `scipy.interpolate.CubicSpline`, differentiable by the values.
+    """A law through samples: the cubic spline of `scipy.interpolate.CubicSpline`, or with rates and accelerations the
+    polynomials of fifth degree that have them at both ends of each interval; differentiable by all of them.
 
     ??? example
 
@@ -271,39 +286,48 @@ class Sampled(AbstractLaw):
 
     - `times`: of the samples, s, ascending; known numbers.
     - `values`: there, m or rad.
-    - `ends`: "clamped" for rest at both ends, outside of which the law rests; "periodic" for a cycle that repeats,
-      whose last value is the first; "not-a-knot" or "natural" for splines that say nothing of rates at the ends and go
-      on beyond as they end.
+    - `ends`: "clamped" for rest at both ends, outside of which the law rests, which is taken if none is given;
+      "periodic" for a cycle that repeats, whose last value is the first; "not-a-knot" or "natural" for splines that say
+      nothing of rates at the ends and go on beyond as they end. With rates, "periodic" or none: then it goes on beyond.
+    - `rates`, `accelerations`: there, m/s and m/s^2, or rad/s and rad/s^2; both or none.
     """
 
     values: Float[Array, " samples"]
+    rates: Float[Array, " samples"] | None
+    accelerations: Float[Array, " samples"] | None
     _knots: Float[Array, " samples"]
-    _maps: Float[Array, "4 intervals samples"]
+    _maps: Float[Array, "4 intervals samples"] | None
     ends: str = eqx.field(static=True)
 
-    def __init__(self, times: Numbers, values: Numbers, *, ends: str = "clamped"):
-        from scipy.interpolate import CubicSpline
-
+    def __init__(
+        self,
+        times: Numbers,
+        values: Numbers,
+        *,
+        ends: str | None = None,
+        rates: Numbers | None = None,
+        accelerations: Numbers | None = None,
+    ):
         try:
             knots = np.asarray(times, float)
         except (TypeError, ValueError):
             raise RedundaxError(f"Argument `times` must hold numbers, but is {short(times)}. Give a list.") from None
-        self.values, self.ends = as_float(values, "values"), ends
-        kinds = ("clamped", "periodic", "not-a-knot", "natural")
-        if ends not in kinds:
-            raise RedundaxError(f"Argument `ends` must be one of {', '.join(kinds)}, but is {ends!r}. Choose one.")
-        if knots.ndim != 1 or knots.size < 3 or np.any(np.diff(knots) <= 0) or self.values.shape != knots.shape:
-            raise RedundaxError(
-                f"Arguments `times` and `values` must hold three samples or more, at ascending times, but have shapes "
-                f"{knots.shape} and {self.values.shape}. Sort them, and give a value for each time."
-            )
+        self.values = as_float(values, "values")
+        self.rates, self.accelerations = optional_float(rates, "rates"), optional_float(accelerations, "accelerations")
+        self.ends = _ends(ends, rates, accelerations)
         finite("times", knots)
-        finite("values", self.values)
-        unit = np.eye(knots.size)
-        if ends == "periodic":
-            _check_closed(self.values)
-            unit[-1] = unit[0]
-        self._knots, self._maps = (on_device(x) for x in (knots, CubicSpline(knots, unit, bc_type=ends).c))
+        for name, figures in (("values", self.values), ("rates", self.rates), ("accelerations", self.accelerations)):
+            if figures is None:
+                continue
+            if knots.ndim != 1 or knots.size < 3 or np.any(np.diff(knots) <= 0) or figures.shape != knots.shape:
+                raise RedundaxError(
+                    f"Arguments `times` and `{name}` must hold three samples or more, at ascending times, but have "
+                    f"shapes {knots.shape} and {figures.shape}. Sort them, and give a figure for each time."
+                )
+            finite(name, figures)
+            if self.ends == "periodic":
+                _check_closed(name, figures)
+        self._knots, self._maps = on_device(knots), None if rates is not None else _spline(knots, self.ends)
 
     @property
     def instants(self) -> tuple[Float[Array, "..."], ...]:
@@ -316,7 +340,49 @@ class Sampled(AbstractLaw):
         elif self.ends == "clamped":
             t = jnp.where(t < first, first, jnp.where(t < last, t, last))
         place = jnp.clip(jnp.searchsorted(self._knots, t, side="right") - 1, 0, self._knots.size - 2)
-        return jnp.polyval(self._maps[:, place] @ self.values, t - self._knots[place])
+        past = t - self._knots[place]
+        if self._maps is not None:
+            return jnp.polyval(self._maps[:, place] @ self.values, past)
+        return jnp.polyval(self._quintic(place), past)
+
+    def _quintic(self, place: Array) -> Float[Array, "6"]:
+        """Coefficients of the polynomial within an interval, highest power first."""
+        pair = jnp.stack([place, place + 1])
+        (value, end), (rate, last), (bend, after) = (
+            cast(Array, figures)[pair] for figures in (self.values, self.rates, self.accelerations)
+        )
+        h = self._knots[place + 1] - self._knots[place]
+        missed = jnp.stack(
+            [end - value - rate * h - bend * h**2 / 2, h * (last - rate - bend * h), h**2 * (after - bend)]
+        )
+        return jnp.concatenate(
+            [jnp.array(_ABOVE) @ missed / h ** jnp.array([5, 4, 3]), jnp.stack([bend / 2, rate, value])]
+        )
+
+
+def _ends(ends: str | None, rates: Numbers | None, accelerations: Numbers | None) -> str:
+    """What a law does at its ends and beyond."""
+    kinds = ("clamped", "periodic", "not-a-knot", "natural")
+    if (rates is None) != (accelerations is None):
+        missing = "rates" if rates is None else "accelerations"
+        raise RedundaxError(f"Argument `{missing}` must be given with the other, but is None. Give both, or none.")
+    if ends is None:
+        return "clamped" if rates is None else "open"
+    if ends not in kinds:
+        raise RedundaxError(f"Argument `ends` must be one of {', '.join(kinds)}, but is {ends!r}. Choose one.")
+    if rates is not None and ends != "periodic":
+        raise RedundaxError(f"Argument `ends` must be 'periodic' with rates, but is {ends!r}. Leave it out.")
+    return ends
+
+
+def _spline(knots: np.ndarray, ends: str) -> Float[Array, "4 intervals samples"]:
+    """Coefficients of the cubic spline of each value, highest power first."""
+    from scipy.interpolate import CubicSpline
+
+    unit = np.eye(knots.size)
+    if ends == "periodic":
+        unit[-1] = unit[0]
+    return on_device(CubicSpline(knots, unit, bc_type=ends).c)
 
 
 def _figures(**given: Numbers) -> list[Array]:
@@ -341,13 +407,13 @@ def _check_positive(**given: Array) -> None:
         positive(name, value)
 
 
-def _check_closed(values: Array) -> None:
+def _check_closed(name: str, values: Array) -> None:
     """Refuse a cycle that does not end where it begins, by more than the last of three digits."""
     if is_concrete(values):
         off, size = abs(float(values[-1] - values[0])), float(np.ptp(np.asarray(values)))
         if off > 1e-3 * size:
             raise RedundaxError(
-                f"Argument `values` of a periodic law must end with its first value {values[0]:.6g}, but ends "
+                f"Argument `{name}` of a periodic law must end with its first value {values[0]:.6g}, but ends "
                 f"{off:.3g} off. Add the sample that closes the cycle, or give the last one the first value."
             )
 

@@ -1,5 +1,6 @@
 """What `drive` returns: how a machine moves along the laws of its drives, and what they must give."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
@@ -17,11 +18,12 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
-from .._tools._module import is_concrete, on_device
+from .._tools._module import is_concrete, names_in, on_device
 from .._tools._no_answer import nan_where
 from .._tools._numbers import computed, xp
 from .._tools._table import are_known, figures, group, page, text_of
 from .._tools._value import AbstractModule
+from ._laws import Sampled
 
 if TYPE_CHECKING:
     import pandas
@@ -129,6 +131,20 @@ class Run(AbstractNamed):
     def joints(self) -> JointMotion:
         """How joint coordinates move, shape (times, c) each; angles go on from turn to turn."""
         return joint_motion(self.joint_coordinates, self.states, self.acceleration, times=True)
+
+    def laws(self, names: Sequence[str]) -> dict[str, Sampled]:
+        """Laws by which joint coordinates move in this run, for drives of their own at the same times: of machines with
+        more drives than freedoms, or whose tool the laws of this run move.
+
+        ??? example
+
+            ```python
+            moved = rx.drive(smooth, {"A.angle": rx.Polynomial([0.8, 1.0])}, jnp.linspace(0.0, 1.0, 11), state.q)
+            rx.drive(smooth, moved.laws(["B.angle"]), moved.t, state.q)["B.angle torque"]
+            ```
+        """
+        found = names_in("names", names)
+        return {k: Sampled(self.t, self[k], rates=self[f"{k}'"], accelerations=self[f"{k}''"]) for k in found}
 
     @property
     def reactions(self) -> Float[Array, "..."]:

@@ -4,11 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BPoly, CubicSpline
 
 import redundax as rx
 
 EPS = np.finfo(float).eps
+TABLE = [0.0, 1.0, 2.0], [0.0, 1.0, 0.0]
 
 
 def derivatives(law, ts, order=2):
@@ -86,6 +87,18 @@ def test_a_cycloid_a_harmonic_and_a_spline():
     assert float(by_value) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("ends", [None, "periodic"])
+def test_a_law_has_the_rates_and_accelerations_of_its_samples(ends):
+    times, values = np.array([0.0, 0.3, 0.7, 1.0]), np.array([0.1, 0.2, 0.1, 0.1])
+    rates, accelerations = np.array([1.0, 0.5, -2.0, 1.0]), np.array([3.0, 0.0, -1.0, 3.0])
+    law = rx.Sampled(times, values, rates=rates, accelerations=accelerations, ends=ends)
+    truth = BPoly.from_derivatives(times, np.stack([values, rates, accelerations], axis=1))
+    ts = np.array([0.0, 0.1, 0.3, 0.65, 0.99])
+    np.testing.assert_allclose(derivatives(law, ts), [truth.derivative(k)(ts) if k else truth(ts) for k in range(3)])
+    beyond = derivatives(law, [1.0 + 1e-9])[1, 0]
+    assert beyond == pytest.approx(1.0, abs=1e-6)
+
+
 def test_laws_are_multiplied_and_shifted():
     law = rx.Harmonic(0.1, frequency=2.0)
     for other in (np.float64(-2.0) * law / 4 - 0.3, -(law * jnp.asarray(0.5) + 0.3)):
@@ -110,6 +123,9 @@ def test_figures_that_are_none_are_refused():
         (lambda: rx.Sampled([0.0, np.nan, 2.0], [0.0, 1.0, 0.0]), "times"),
         (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, np.nan, 0.0]), "values"),
         (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, 1.0, 0.1], ends="periodic"), "values"),
+        (lambda: rx.Sampled([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], rates=[0.0, 1.0, 0.0]), "accelerations"),
+        (lambda: rx.Sampled(*TABLE, rates=TABLE[1], accelerations=TABLE[1], ends="natural"), "ends"),
+        (lambda: rx.Sampled(*TABLE, rates=[0.0, 1.0], accelerations=[0.0, 1.0, 0.0]), "rates"),
         (lambda: rx.Trapezoid(0.3, speed=1.0, acceleration=1.0, dwell=-0.1), "dwell"),
         (lambda: rx.Cycloidal(0.3, move=1.0, dwell=-0.1), "dwell"),
     ):

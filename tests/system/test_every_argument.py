@@ -186,7 +186,8 @@ CALLS = {
     rx.Harmonic: {"amplitude": 1.0, "frequency": 1.0, "mean": 0.0, "phase": 0.0},
     rx.Polynomial: {"coefficients": [1.0]},
     rx.SCurve: STROKE | TIMES | {"jerk": 1.0},
-    rx.Sampled: {"times": [0.0, 1.0, 2.0], "values": [0.0, 1.0, 0.0], "ends": "clamped"},
+    rx.Sampled: {"times": [0.0, 1.0, 2.0], "ends": "periodic"}
+    | {key: [0.0, 1.0, 0.0] for key in ("values", "rates", "accelerations")},
     rx.Trapezoid: STROKE | TIMES,
     rx.State: {"q": [0.0], "qd": [0.0], "t": 0.0},
     rx.System: {"constraint": lambda q, t, p: q[:1], "mass": jnp.eye(2), "n": 2, "units": units.SI}
