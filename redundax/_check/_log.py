@@ -66,15 +66,15 @@ class Log:
     unused: tuple[str, ...]
 
 
-def table_of(path: pathlib.Path) -> dict[str, np.ndarray]:
+def table_of(path: pathlib.Path, argument: str = "log") -> dict[str, np.ndarray]:
     """The columns of a file of CSV, by their names; separated by commas, semicolons or tabs."""
 
     def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `log`: '{path}' {ended(why)}")
+        return RedundaxError(f"Argument `{argument}`: '{path}' {ended(why)}")
 
     if not path.is_file():
         raise RedundaxError(
-            f"Argument `log`: there is no file '{path}'. Check the path and the folder that you are in."
+            f"Argument `{argument}`: there is no file '{path}'. Check the path and the folder that you are in."
         )
     if path.stat().st_size > _LARGEST:
         raise refuse(f"has {path.stat().st_size / 1e6:.0f} MB, {_LARGEST // 10**6} at most. Write fewer times.")
@@ -87,9 +87,7 @@ def table_of(path: pathlib.Path) -> dict[str, np.ndarray]:
     rows = list(csv.reader(io.StringIO(text), delimiter=mark))
     rows = [(number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
-        raise RedundaxError(
-            f"Argument `log`: '{path}' must have a line of names and then lines of numbers. Export it again."
-        )
+        raise refuse("must have a line of names and then lines of numbers. Export it again.")
     names = [name.strip() for name in rows[0][1]]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)

@@ -206,6 +206,13 @@ def _drive(add: Callable[..., argparse.ArgumentParser]) -> None:
     )
     motion.add_argument("system", metavar="MODEL", help=f"{_MODELS}, or FILE.py:NAME as for analyze")
     motion.add_argument("--law", metavar="NAME=LAW", action="append", default=[], help="of a coordinate; once for each")
+    motion.add_argument(
+        "--table",
+        metavar="FILE",
+        type=pathlib.Path,
+        help="laws from a table, as --csv writes it: a column t, s, and columns of coordinates, A.angle, beside which "
+        "there may be their rates and accelerations, A.angle' and A.angle''",
+    )
     motion.add_argument("--hold", metavar="NAME", action="append", default=[], help="a coordinate that rests")
     motion.add_argument("--time", metavar="S", type=_size, help="how long; by default until the last law ends")
     motion.add_argument("--samples", type=_count, default=201, help="times looked at (default 201)")

@@ -11,9 +11,10 @@ from typing import TypeAlias
 import numpy as np
 
 from .._bodies._law_of_time import Polynomial
+from .._check._log import table_of
 from .._drive._along import coordinates_of, values_of
 from .._drive._drive import drive
-from .._drive._laws import AbstractLaw, AbstractMove, Cycloidal, Harmonic, SCurve, Trapezoid
+from .._drive._laws import AbstractLaw, AbstractMove, Cycloidal, Harmonic, Sampled, SCurve, Trapezoid
 from .._drive._run import Run
 from .._models._build import limited
 from .._models._formats import MODELS
@@ -45,18 +46,20 @@ def drive_file(arguments: argparse.Namespace) -> int:
     system, state, model = _opened(arguments)
     here = dict(zip(coordinates_of(system).labels, np.asarray(values_of(system, state)).tolist(), strict=True))
     given = [_law(text, system, here) for text in arguments.law]
+    begin, of_table = _of_table(arguments.table, system) if arguments.table else (0.0, {})
+    given += of_table.items()
     laws = dict(given)
     if len(laws) < len(given):
         names = [name for name, _ in given]
         twice = next(name for name in names if names.count(name) > 1)
-        raise FileError(f"Argument `--law` gives '{twice}' two laws. Leave one of them.")
+        raise FileError(f"Arguments `--law` and `--table` give '{twice}' two laws. Leave one of them.")
     hold = [_coordinate(name, system) for name in arguments.hold]
-    end = arguments.time or max(map(_duration, laws.values()), default=0.0)
-    if not end > 0:
+    end = begin + arguments.time if arguments.time else max(map(_duration, laws.values()), default=0.0)
+    if not end > begin:
         raise FileError(
             "Argument `--time` must be given where no law has an end. Give the seconds to look at, --time 2 say."
         )
-    ts = np.linspace(0.0, end, arguments.samples)
+    ts = np.linspace(begin, end, arguments.samples)
     try:
         run = drive(system, laws, ts, state.q, hold=hold)
     except RuntimeError as error:
@@ -138,7 +141,36 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
         raise FileError(f"The law '{text}' does not fit: {ended(str(error))} Figures of {kind}: {figures}.") from error
 
 
+def _of_table(path: pathlib.Path, system: AbstractSystem) -> tuple[float, dict[str, Law]]:
+    """When a table of a motion begins, and the law of each coordinate that it has; other columns are not used."""
+    try:
+        columns = table_of(path, "--table")
+    except RedundaxError as error:
+        raise FileError(str(error)) from error
+    time, labels = (
+        next((name for name in columns if name.lower() in ("t", "time")), None),
+        coordinates_of(system).labels,
+    )
+    if time is None:
+        raise FileError(f"Argument `--table`: '{path}' has no column `t` of times, s. Rename one.")
+    laws: dict[str, Law] = {}
+    for label in filter(columns.__contains__, labels):
+        rates, accelerations = columns.get(f"{label}'"), columns.get(f"{label}''")
+        more = {} if accelerations is None else {"rates": rates, "accelerations": accelerations}
+        try:
+            laws[label] = Sampled(columns[time], columns[label], ends=None if more else "not-a-knot", **more)
+        except RedundaxError as error:
+            raise FileError(f"Argument `--table`: of '{label}' in '{path}'. {error}") from error
+    if not laws:
+        raise FileError(
+            f"Argument `--table`: '{path}' has no coordinate. Call a column as one is: {', '.join(labels)}."
+        )
+    return float(columns[time][0]), laws
+
+
 def _duration(law: Law) -> float:
+    if isinstance(law, Sampled):
+        return float(law.last)
     if isinstance(law, AbstractMove):
         return float(law.begin + law.duration)
     return float(1 / law.frequency) if isinstance(law, Harmonic) and law.frequency else 0.0
@@ -150,7 +182,7 @@ def _write(run: Run, file: pathlib.Path) -> None:
     joints = run.names.axes["joint_coordinate"].labels if run.names is not None else ()
     for k, each in enumerate(run.drives):
         if each.name in joints:
-            columns[each.name] = np.asarray(run[each.name])
+            columns |= {f"{each.name}{order}": np.asarray(run[f"{each.name}{order}"]) for order in ("", "'", "''")}
         columns[f"{each.name} rate"] = np.asarray(run.rates)[:, k]
         for what in (each.word, f"{each.word} before", "power", "energy"):
             columns[f"{each.name} {what}"] = np.asarray(run[f"{each.name} {what}"])

@@ -333,8 +333,13 @@ class Sampled(AbstractLaw):
     def instants(self) -> tuple[Float[Array, "..."], ...]:
         return (self._knots[..., 0], self._knots[..., -1]) if self.ends == "clamped" else ()
 
+    @property
+    def last(self) -> Float[Array, ""]:
+        """The time of the last sample, s."""
+        return self._knots[-1]
+
     def __call__(self, t: ArrayLike) -> Float[Array, ""]:
-        t, first, last = jnp.asarray(t), self._knots[0], self._knots[-1]
+        t, first, last = jnp.asarray(t), self._knots[0], self.last
         if self.ends == "periodic":
             t = first + jnp.mod(t - first, last - first)
         elif self.ends == "clamped":

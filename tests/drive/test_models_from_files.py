@@ -2,6 +2,7 @@
 
 import csv
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -68,7 +69,36 @@ def test_laws_that_cannot_be_read_are_told(capsys):
 def test_two_laws_of_one_coordinate_are_refused(capsys):
     laws = ["--law", "A=cycloidal(1, 2)", "--law", "A.angle=harmonic(1, 2)"]
     assert command.main(["drive", FOUR_BAR, *laws]) == 2
-    assert "`--law` gives 'A.angle' two laws. Leave one" in capsys.readouterr().err
+    assert "give 'A.angle' two laws. Leave one" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_table_of_a_motion_is_followed(tmp_path):
+    """That of a run, with its rates and accelerations, and one of angles alone, which say them to a few digits."""
+    first, second, table = (tmp_path / name for name in ("first.csv", "second.csv", "table.csv"))
+    asked = ["drive", FOUR_BAR, "--samples", "51"]
+    assert command.main([*asked, "--law", "A=cycloidal(1.0, move=0.5)", "--csv", str(first)]) == 0
+    rows = list(csv.DictReader(first.open()))
+    table.write_text("time;A.angle\n" + "".join(f"{row['t']};{row['A.angle']}\n".replace(".", ",") for row in rows))
+    table.write_text(table.read_text().replace("A,angle", "A.angle"))
+    for given, digits in ((first, 1e-9), (table, 3e-3)):
+        assert command.main([*asked, "--table", str(given), "--csv", str(second)]) == 0
+        torque, again = ([float(row["A.angle torque"]) for row in csv.DictReader(x.open())] for x in (first, second))
+        np.testing.assert_allclose(again, torque, atol=digits * np.max(np.abs(torque)))
+
+
+def test_tables_that_are_no_motion_are_told(tmp_path, capsys):
+    table = tmp_path / "table.csv"
+    for text, words in (
+        ("t,crank\n0,1\n1,2\n", "has no coordinate. Call a column as one is: A.angle"),
+        ("s,A.angle\n0,1\n1,2\n", "has no column `t` of times"),
+        ("t,A.angle\n0,1\n1,2\n", "of 'A.angle' in '.*'. Arguments `times` and `values` must hold three samples"),
+        ("t,A.angle,A.angle''\n0,1,0\n1,2,0\n2,3,0\n", "`rates` must be given"),
+        ("t,A.angle\n0,x\n", "has 'x' in line 2, which is no number"),
+    ):
+        table.write_text(text)
+        assert command.main(["drive", FOUR_BAR, "--table", str(table)]) == 2
+        assert re.search(words, capsys.readouterr().err)
 
 
 @pytest.mark.slow
