@@ -87,7 +87,9 @@ def table_of(path: pathlib.Path, argument: str = "log") -> dict[str, np.ndarray]
     rows = list(csv.reader(io.StringIO(text), delimiter=mark))
     rows = [(number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
-        raise refuse("must have a line of names and then lines of numbers. Export it again.")
+        raise RedundaxError(
+            f"Argument `{argument}`: '{path}' must have a line of names and then lines of numbers. Export it again."
+        )
     names = [name.strip() for name in rows[0][1]]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
