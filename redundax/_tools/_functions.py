@@ -6,61 +6,90 @@ loop of theirs, and is none of their own numbers where they run at once.
 
 import functools
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Container, Sequence
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
 import jax.core
+import jax.stages
 from jaxtyping import PyTree
 
 from ._value import AbstractModule
 
+AnyFunction: TypeAlias = Callable[..., PyTree]
+
 
 class Function(AbstractModule):
-    """A function, and what is traced of its parts, at their places among all leaves of these."""
+    """A function, and what is traced of its parts and those of functions among them."""
 
-    function: Callable[..., PyTree] = eqx.field(static=True)
-    places: tuple[int, ...] = eqx.field(static=True)
+    function: AnyFunction = eqx.field(static=True)
     traced: tuple[PyTree, ...]
 
     def __call__(self, *arguments: PyTree, **named: PyTree) -> PyTree:
         return self.given()(*arguments, **named)
 
-    def given(self) -> Callable[..., PyTree]:
+    def given(self) -> AnyFunction:
         """The function that the user wrote, of the numbers that are the leaves now."""
-        if not self.places:
+        if not self.traced:
             return self.function
-        leaves, structure = jax.tree.flatten(_parts(self.function))
-        for place, now in zip(self.places, self.traced, strict=True):
-            leaves[place] = now
-        return _made(self.function, jax.tree.unflatten(structure, leaves))
+        holders, traced = _holders(self.function), iter(self.traced)
+        made = {id(one): _empty(one, {id(each) for each in holders}) for one in holders}
+
+        def now(leaf: PyTree) -> PyTree:
+            return next(traced) if isinstance(leaf, jax.core.Tracer) else made.get(id(leaf), leaf)
+
+        for one in holders:
+            parts = [jax.tree.map(now, part) if _changes(part, made) else part for part in _parts(one)]
+            _fill(made[id(one)], one, parts)
+        return made[id(self.function)]
 
 
 def as_functions(tree: PyTree) -> PyTree:
     """A function or a pytree that holds some, with functions that are no pytrees themselves as `Function`."""
-    return jax.tree.map(lambda x: _function(x, ()) if callable(x) else x, tree)
+    return jax.tree.map(lambda x: _function(x) if callable(x) else x, tree)
 
 
-def _function(function: Callable[..., PyTree], within: tuple[Callable[..., PyTree], ...]) -> Function:
-    within = (*within, function)
-    found = {}
-    for place, part in enumerate(jax.tree.leaves(_parts(function))):
-        if isinstance(part, jax.core.Tracer):
-            found[place] = part
-        elif callable(part) and not any(part is other for other in within):
-            inner = _function(part, within)
-            if inner.places:
-                found[place] = inner
-    return Function(function, tuple(found), tuple(found.values()))
+def _function(function: AnyFunction) -> Function:
+    leaves = (leaf for one in _holders(function) for part in _parts(one) for leaf in _leaves(part))
+    return Function(function, tuple(leaf for leaf in leaves if isinstance(leaf, jax.core.Tracer)))
 
 
-def _parts(function: Callable[..., PyTree]) -> PyTree:
+def _holders(function: AnyFunction) -> list[AnyFunction]:
+    """A function and all among its parts, each once, if they have a part that is traced, or is another of these."""
+    found, waiting = {}, [function]
+    for one in waiting:
+        if id(one) not in found:
+            found[id(one)] = one
+            waiting += [leaf for part in _parts(one) for leaf in _leaves(part) if callable(leaf)]
+    holders: dict[int, AnyFunction] = {}
+    count = -1
+    while len(holders) > count:
+        count = len(holders)
+        holders |= {k: one for k, one in found.items() if any(_changes(part, holders) for part in _parts(one))}
+    return list(holders.values())
+
+
+def _changes(part: PyTree, holders: Container[int]) -> bool:
+    return any(isinstance(leaf, jax.core.Tracer) or id(leaf) in holders for leaf in _leaves(part))
+
+
+def _leaves(part: PyTree) -> list[PyTree]:
+    """None of what is no pytree, as a dictionary whose keys have no order."""
+    try:
+        return jax.tree.leaves(part)
+    except (TypeError, ValueError, RecursionError, SystemError):
+        return []
+
+
+def _parts(function: AnyFunction) -> Sequence[PyTree]:
     """What a function has of its own: values that it closes over, and those given where arguments are not."""
+    if isinstance(function, types.FunctionType):
+        return *map(_content, function.__closure__ or ()), function.__defaults__, function.__kwdefaults__
     if isinstance(function, functools.partial):
         return function.func, function.args, function.keywords
-    if not isinstance(function, types.FunctionType):
-        return None
-    return tuple(map(_content, function.__closure__ or ())), function.__defaults__, function.__kwdefaults__
+    compiled = getattr(function, "__wrapped__", None) if isinstance(function, jax.stages.Wrapped) else None
+    return () if compiled is None else (compiled, (), {})
 
 
 def _content(cell: types.CellType) -> PyTree:
@@ -70,12 +99,21 @@ def _content(cell: types.CellType) -> PyTree:
         return None
 
 
-def _made(function: Callable[..., PyTree], parts: PyTree) -> Callable[..., PyTree]:
-    """A function with other parts."""
-    if isinstance(function, functools.partial):
-        return functools.partial(parts[0], *parts[1], **parts[2])
-    closed, defaults, named = parts
-    code, within = function.__code__, function.__globals__
-    made = types.FunctionType(code, within, function.__name__, defaults, tuple(map(types.CellType, closed)))
-    made.__kwdefaults__ = named
+def _empty(function: AnyFunction, holders: Container[int]) -> AnyFunction:
+    """A function in place of another, whose parts that change are still to be given."""
+    if not isinstance(function, types.FunctionType):
+        return functools.partial(function)
+    cells = (types.CellType() if _changes(_content(x), holders) else x for x in function.__closure__ or ())
+    made = types.FunctionType(function.__code__, function.__globals__, function.__name__, None, tuple(cells))
+    made.__dict__.update(function.__dict__)
     return made
+
+
+def _fill(made: AnyFunction, function: AnyFunction, parts: Sequence[PyTree]) -> None:
+    if isinstance(made, functools.partial):
+        made.__setstate__((*parts, {}))  # pyright: ignore[reportAttributeAccessIssue]
+    elif isinstance(made, types.FunctionType):
+        *contents, made.__defaults__, made.__kwdefaults__ = parts
+        for cell, was, content in zip(made.__closure__ or (), function.__closure__ or (), contents, strict=True):
+            if cell is not was:
+                cell.cell_contents = content

@@ -162,7 +162,7 @@ def check_takes(argument: str, function: object, *given: str) -> None:
     """Refuse a function of the user that does not take what it will be given, one after the other."""
     function = check_callable(argument, function)
     try:
-        wanted = inspect.signature(function.given() if isinstance(function, Function) else function)
+        wanted = inspect.signature(function.function if isinstance(function, Function) else function)
     except (TypeError, ValueError):  # of a compiled function, which does not tell
         return
     try:
@@ -184,7 +184,7 @@ def check_callable(argument: str, function: object) -> Callable[..., object]:
 def check_call(name: str, function: Callable[..., object], *arguments: object, **named: object) -> None:
     """Refuse arguments that a function of the user does not take."""
     check_callable(name, function)
-    wanted = inspect.signature(function.given() if isinstance(function, Function) else function)
+    wanted = inspect.signature(function.function if isinstance(function, Function) else function)
     try:
         wanted.bind(*arguments, **named)
     except TypeError as error:

@@ -37,7 +37,35 @@ def by_partial(force):
     return functools.partial(lambda force, x: force * x, force)
 
 
-WAYS = [by_closure, by_inner_function, by_default, by_partial]
+def by_functions_that_call_each_other(force):
+    def one(x, times):
+        return other(x, times - 1) if times else force * x
+
+    def other(x, times):
+        return one(x, times)
+
+    return lambda x: one(x, 2)
+
+
+def by_compiled_function(force):
+    return jax.jit(lambda x: force * x)
+
+
+def by_function_beside_what_is_no_pytree(force):
+    """JAX cannot sort keys of several kinds."""
+    given = {1: 1.0, "N": 2.0}
+    return lambda x: force * given[1] * x
+
+
+WAYS = [
+    by_closure,
+    by_inner_function,
+    by_default,
+    by_partial,
+    by_functions_that_call_each_other,
+    by_compiled_function,
+    by_function_beside_what_is_no_pytree,
+]
 
 
 @pytest.mark.parametrize("way", WAYS)
