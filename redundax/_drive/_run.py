@@ -18,6 +18,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete, names_in, on_device
 from .._tools._no_answer import nan_where
 from .._tools._numbers import computed, xp
@@ -27,6 +28,8 @@ from ._laws import Sampled
 
 if TYPE_CHECKING:
     import pandas
+
+_FEWEST = 3  # times of a law through samples
 
 
 class Drive(NamedTuple):
@@ -143,7 +146,16 @@ class Run(AbstractNamed):
             rx.drive(smooth, moved.laws(["B.angle"]), moved.t, state.q)["B.angle torque"]
             ```
         """
-        found = names_in("names", names)
+        known, found = [each.name[:-2] for each in self.entries if each.name.endswith("''")], names_in("names", names)
+        for name in found:
+            index_of("names", name, known, " of coordinates")
+        lost = is_concrete(self.acceleration) and np.isnan(np.asarray(self.acceleration)).any(axis=1)
+        if np.any(lost) or self.t.size < _FEWEST:
+            at = f"has no answer at t = {self.t[np.argmax(lost)]:.6g} s" if np.any(lost) else f"has {self.t.size}"
+            raise RedundaxError(
+                "Argument `ts` of a run from which laws are taken must hold three times or more that all have an "
+                f"answer, but this one {at}. Give `drive` such times."
+            )
         return {k: Sampled(self.t, self[k], rates=self[f"{k}'"], accelerations=self[f"{k}''"]) for k in found}
 
     @property

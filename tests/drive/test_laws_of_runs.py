@@ -82,5 +82,16 @@ def test_three_motors_share_what_moves_a_tip_along_a_path():
     wanted = jax.vmap(needed)(jnp.asarray(TS))
     np.testing.assert_allclose(run.q, moved.q, atol=1e-12)
     np.testing.assert_allclose([run[f"{name} torque"] for name in MOTORS], wanted.T, rtol=1e-5, atol=1e-5)
-    with pytest.raises(rx.RedundaxError, match=r"'A9\.angle'"):
+    with pytest.raises(rx.RedundaxError, match=r"`names` must .*, but holds 'A9\.angle'"):
         moved.laws(["A9.angle"])
+
+
+def test_runs_without_laws_say_why():
+    pin = rx.Revolute("pin", "arm", "ground", (-ARM, 0.0), (0.0, 0.0))
+    rod = rx.DistanceDriver("rod", "arm", "ground", (ARM, 0.0), (2.0, 0.0), rx.Polynomial([1.5, 1.7]))
+    arm, guess = rx.Mechanism([rx.Body("arm", TIP, 0.01)], [pin, rod]), {"arm.x": 0.4, "arm.y": 0.3, "arm.phi": 0.7}
+    lost = rx.drive(arm, {}, [0.0, 0.1, 1.0, 2.0], guess, throw=False)
+    with pytest.raises(rx.RedundaxError, match="no answer at t = 1 s"):
+        lost.laws(["pin.angle"])
+    with pytest.raises(rx.RedundaxError, match="three times or more"):
+        rx.drive(arm, {}, [0.0, 0.1], guess).laws(["pin.angle"])
