@@ -88,6 +88,8 @@ def _parts(function: AnyFunction) -> Sequence[PyTree]:
         return *map(_content, function.__closure__ or ()), function.__defaults__, function.__kwdefaults__
     if isinstance(function, functools.partial):
         return function.func, function.args, function.keywords
+    if isinstance(function, types.MethodType):
+        return function.__func__, (function.__self__,), {}
     compiled = getattr(function, "__wrapped__", None) if isinstance(function, jax.stages.Wrapped) else None
     return () if compiled is None else (compiled, (), {})
 

@@ -1,12 +1,14 @@
 """Functions of users that close over numbers which a transformation traces."""
 
 import functools
+from typing import NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 
 import redundax as rx
 from redundax._tools._functions import as_functions
@@ -51,6 +53,17 @@ def by_compiled_function(force):
     return jax.jit(lambda x: force * x)
 
 
+class Weight(NamedTuple):
+    force: Float[Array, ""]
+
+    def of(self, x):
+        return self.force * x
+
+
+def by_method(force):
+    return Weight(force).of
+
+
 def by_function_beside_what_is_no_pytree(force):
     """JAX cannot sort keys of several kinds."""
     given = {1: 1.0, "N": 2.0}
@@ -64,6 +77,7 @@ WAYS = [
     by_partial,
     by_functions_that_call_each_other,
     by_compiled_function,
+    by_method,
     by_function_beside_what_is_no_pytree,
 ]
 
