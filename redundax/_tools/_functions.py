@@ -37,7 +37,7 @@ class Function(AbstractModule):
         made = {id(one): _empty(one, {id(each) for each in holders}) for one in holders}
 
         def now(leaf: PyTree) -> PyTree:
-            return next(traced) if isinstance(leaf, jax.core.Tracer) else made.get(id(leaf), leaf)
+            return next(traced, leaf) if isinstance(leaf, jax.core.Tracer) else made.get(id(leaf), leaf)
 
         for one in holders:
             parts = [jax.tree.map(now, part) if _changes(part, made) else part for part in _parts(one)]
