@@ -30,7 +30,7 @@ from .._tools._words import did_you_mean, ended, short
 
 _LARGEST = 200_000_000  # bytes: more than a table that fits into memory as text and numbers
 _LISTED = 6
-_TIMES = ("t", "time")
+TIMES = ("t", "time")
 _PARTS = {"f": "force", "force": "force", "m": "moment", "t": "moment", "moment": "moment", "torque": "moment"}
 _LOAD = re.compile(r"^(.+?)(?:[ ._/:]+)(force|moment|torque|f|m|t)[ ._]?([xyz]?)(?: on (.+))?$", re.IGNORECASE)
 _UNIT = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
@@ -112,7 +112,7 @@ def read_log(mechanism: Mechanism, columns: Mapping[str, Numbers]) -> Log:
     **Raises:** `RedundaxError` without times, without a load that has a name here, or for numbers that are not finite.
     """
     names, table = mechanism.names, {str(name): _numbers(str(name), columns[name]) for name in columns}
-    time = next((name for name in table if _plain(name).lower() in _TIMES), None)
+    time = next((name for name in table if _plain(name).lower() in TIMES), None)
     if time is None:
         raise RedundaxError(
             f"Argument `log` must have a column `t` of times, s, but has {listed_names(list(table))}. Rename one."

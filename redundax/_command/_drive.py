@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from .._bodies._law_of_time import Polynomial
-from .._check._log import table_of
+from .._check._log import TIMES, table_of
 from .._drive._along import coordinates_of, values_of
 from .._drive._drive import drive
 from .._drive._laws import AbstractLaw, AbstractMove, Cycloidal, Harmonic, Sampled, SCurve, Trapezoid
@@ -147,10 +147,7 @@ def _of_table(path: pathlib.Path, system: AbstractSystem) -> tuple[float, dict[s
         columns = table_of(path, "--table")
     except RedundaxError as error:
         raise FileError(str(error)) from error
-    time, labels = (
-        next((name for name in columns if name.lower() in ("t", "time")), None),
-        coordinates_of(system).labels,
-    )
+    time, labels = next((name for name in columns if name.lower() in TIMES), None), coordinates_of(system).labels
     if time is None:
         raise FileError(f"Argument `--table`: '{path}' has no column `t` of times, s. Rename one.")
     laws: dict[str, Law] = {}

@@ -57,6 +57,7 @@ from ._senses import NOISE, Senses, never_slip, senses_of, signs_of
 from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
+_DRIVERS = AngleDriver, AbstractDistance, SpatialAngleDriver, TravelDriver, AbstractSpatialDistance
 # A bound of the least singular value over the largest, at least so many roundings: too few digits are left for a batch.
 _SINGULAR = 1e-9, 1e3
 _SOLVES = "`solve` does, state by state, with derivatives; or take differences of `drive`"  # with play
@@ -311,8 +312,7 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
     if isinstance(base, Mechanism):
         for stack, names in zip(base.joints, base.names.joints, strict=True):
             driver = stack.element
-            distances = AbstractDistance | AbstractSpatialDistance
-            if isinstance(driver, AngleDriver | SpatialAngleDriver | TravelDriver | distances):
+            if isinstance(driver, _DRIVERS):
                 law = getattr(driver, "distance", None)
                 if isinstance(law, Polynomial) and law.coefficients.shape[-1] == 1:  # a rod or cable of constant length
                     continue

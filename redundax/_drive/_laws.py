@@ -36,6 +36,7 @@ from .._tools._module import (
 )
 from .._tools._words import short
 
+FEWEST = 3  # samples of a law
 # Coefficients of s^5, s^4 and s^3 of the polynomial with these values, rates and accelerations at 1, and none at 0.
 _ABOVE = (6.0, -3.0, 0.5), (-15.0, 7.0, -1.0), (10.0, -4.0, 0.5)
 
@@ -319,7 +320,7 @@ class Sampled(AbstractLaw):
         for name, figures in (("values", self.values), ("rates", self.rates), ("accelerations", self.accelerations)):
             if figures is None:
                 continue
-            if knots.ndim != 1 or knots.size < 3 or np.any(np.diff(knots) <= 0) or figures.shape != knots.shape:
+            if knots.ndim != 1 or knots.size < FEWEST or np.any(np.diff(knots) <= 0) or figures.shape != knots.shape:
                 raise RedundaxError(
                     f"Arguments `times` and `{name}` must hold three samples or more, at ascending times, but have "
                     f"shapes {knots.shape} and {figures.shape}. Sort them, and give a figure for each time."
@@ -357,12 +358,9 @@ class Sampled(AbstractLaw):
             cast(Array, figures)[pair] for figures in (self.values, self.rates, self.accelerations)
         )
         h = self._knots[place + 1] - self._knots[place]
-        missed = jnp.stack(
-            [end - value - rate * h - bend * h**2 / 2, h * (last - rate - bend * h), h**2 * (after - bend)]
-        )
-        return jnp.concatenate(
-            [jnp.array(_ABOVE) @ missed / h ** jnp.array([5, 4, 3]), jnp.stack([bend / 2, rate, value])]
-        )
+        missed = end - value - rate * h - bend * h**2 / 2, h * (last - rate - bend * h), h**2 * (after - bend)
+        above = jnp.array(_ABOVE) @ jnp.stack(missed) / h ** jnp.array([5, 4, 3])
+        return jnp.concatenate([above, jnp.stack([bend / 2, rate, value])])
 
 
 def _ends(ends: str | None, rates: Numbers | None, accelerations: Numbers | None) -> str:

@@ -24,12 +24,10 @@ from .._tools._no_answer import nan_where
 from .._tools._numbers import computed, xp
 from .._tools._table import are_known, figures, group, page, text_of
 from .._tools._value import AbstractModule
-from ._laws import Sampled
+from ._laws import FEWEST, Sampled
 
 if TYPE_CHECKING:
     import pandas
-
-_FEWEST = 3  # times of a law through samples
 
 
 class Drive(NamedTuple):
@@ -150,7 +148,7 @@ class Run(AbstractNamed):
         for name in found:
             index_of("names", name, known, " of coordinates")
         lost = is_concrete(self.acceleration) and np.isnan(np.asarray(self.acceleration)).any(axis=1)
-        if np.any(lost) or self.t.size < _FEWEST:
+        if np.any(lost) or self.t.size < FEWEST:
             at = f"has no answer at t = {self.t[np.argmax(lost)]:.6g} s" if np.any(lost) else f"has {self.t.size}"
             raise RedundaxError(
                 "Argument `ts` of a run from which laws are taken must hold three times or more that all have an "

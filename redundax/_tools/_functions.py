@@ -34,14 +34,14 @@ class Function(AbstractModule):
         if not self.traced:
             return self.function
         holders, traced = _holders(self.function), iter(self.traced)
-        made = {id(one): _empty(one, {id(each) for each in holders}) for one in holders}
+        made = {k: _empty(one, holders) for k, one in holders.items()}
 
         def now(leaf: PyTree) -> PyTree:
             return next(traced, leaf) if isinstance(leaf, jax.core.Tracer) else made.get(id(leaf), leaf)
 
-        for one in holders:
-            parts = [jax.tree.map(now, part) if _changes(part, made) else part for part in _parts(one)]
-            _fill(made[id(one)], one, parts)
+        for k, one in holders.items():
+            parts = [jax.tree.map(now, part) if _changes(part, holders) else part for part in _parts(one)]
+            _fill(made[k], one, parts)
         return made[id(self.function)]
 
 
@@ -51,12 +51,12 @@ def as_functions(tree: PyTree) -> PyTree:
 
 
 def _function(function: AnyFunction) -> Function:
-    leaves = (leaf for one in _holders(function) for part in _parts(one) for leaf in _leaves(part))
+    leaves = (leaf for one in _holders(function).values() for part in _parts(one) for leaf in _leaves(part))
     return Function(function, tuple(leaf for leaf in leaves if isinstance(leaf, jax.core.Tracer)))
 
 
-def _holders(function: AnyFunction) -> list[AnyFunction]:
-    """A function and all among its parts, each once, if they have a part that is traced, or is another of these."""
+def _holders(function: AnyFunction) -> dict[int, AnyFunction]:
+    """A function and all among its parts, by their `id`, if they have a part that is traced, or is another of these."""
     found, waiting = {}, [function]
     for one in waiting:
         if id(one) not in found:
@@ -67,7 +67,7 @@ def _holders(function: AnyFunction) -> list[AnyFunction]:
     while len(holders) > count:
         count = len(holders)
         holders |= {k: one for k, one in found.items() if any(_changes(part, holders) for part in _parts(one))}
-    return list(holders.values())
+    return holders
 
 
 def _changes(part: PyTree, holders: Container[int]) -> bool:
