@@ -69,7 +69,7 @@ def test_laws_that_cannot_be_read_are_told(capsys):
 def test_two_laws_of_one_coordinate_are_refused(capsys):
     laws = ["--law", "A=cycloidal(1, 2)", "--law", "A.angle=harmonic(1, 2)"]
     assert command.main(["drive", FOUR_BAR, *laws]) == 2
-    assert "give 'A.angle' two laws. Leave one" in capsys.readouterr().err
+    assert "Arguments `--law` and `--table` give 'A.angle' two laws. Leave one" in capsys.readouterr().err
 
 
 @pytest.mark.slow
